@@ -1,0 +1,1 @@
+"""Ways from a Sketch to CAD files."""
