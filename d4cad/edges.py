@@ -101,7 +101,8 @@ def boxes(e: Edges) -> Floats:
     direction u is among them the arc reaches mid . u + R (1 - cos(sweep / 2) m . u); the bracket is written as
     a sum of terms that do not cancel when R is huge.
     """
-    low, high = [], []
+    low: list[Floats] = []
+    high: list[Floats] = []
     flat = np.abs(e.b) < 1e-14  # sagitta below the rounding of the end points
     b = np.where(flat, 1.0, np.abs(e.b))
     c = chords(e)

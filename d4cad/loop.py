@@ -147,12 +147,6 @@ class Loop:
         z = np.concatenate(pieces)
         return np.stack([z.real, z.imag], axis=1)
 
-    def simplified(self, tolerance: float) -> Loop:
-        """Fewer edges, the curve within ``tolerance``: see :func:`d4cad.joining.joined`."""
-        from d4cad.joining import joined  # joining builds loops: imported here to break the circle
-
-        return joined(self, tolerance)
-
 
 def checked(loop: Loop, name: str) -> Loop:
     """The loop without zero-length edges, ready to bound a region.
@@ -179,8 +173,8 @@ def without_short(loop: Loop, short: float, name: str = "a loop") -> Loop:
         return loop
     turning = (chord <= short) & (chord * np.abs(e.b) > 2 * short)
     if np.any(turning):
-        i = int(np.argmax(turning))
-        raise GeometryError(f"{name}: edge {i} is a full turn from ({e.z0[i].real:g}, {e.z0[i].imag:g}), split it in two")
+        x, y = loop.points[int(np.argmax(turning))]
+        raise GeometryError(f"{name} has a full turn in one edge at ({x:g}, {y:g}), split it in two")
     keep = np.flatnonzero(chord > short)
     if keep.size < 2:
         x, y = loop.points[0]

@@ -11,6 +11,7 @@ import numpy as np
 
 from d4cad.edges import Edges, Floats, boxes, chords, meetings, neighbour_meetings, windings
 from d4cad.errors import GeometryError
+from d4cad.joining import joined
 from d4cad.loop import ROUNDING, Circle, Loop, Point, checked
 
 __all__ = ["Circle", "Face", "Loop", "Point", "Sketch"]
@@ -95,8 +96,8 @@ class Sketch:
         return sum(len(loop.points) for loop in self.loops)
 
     def simplified(self, tolerance: float) -> Sketch:
-        """Fewer edges, every loop within ``tolerance`` (a length in the sketch's unit): see `joining.joined`."""
-        return self._mapped([loop.simplified(tolerance) for loop in self.loops], self.unit)
+        """Fewer edges, every loop within ``tolerance`` (a length in the sketch's unit): see :func:`d4cad.joining.joined`."""
+        return self._mapped([joined(loop, tolerance) for loop in self.loops], self.unit)
 
     def scaled(self, factor: float, unit: str = "mm") -> Sketch:
         """All coordinates times ``factor``, which must be positive and finite, now in ``unit``."""
@@ -120,15 +121,10 @@ class Sketch:
     def from_neutral(cls, loops: Sequence[Sequence[NeutralEdge]], unit: str = "world") -> Sketch:
         """Reads what `to_neutral` writes; an arc may have "bulge_height", its signed sagitta, in place of "bulge".
 
-        Raises GeometryError for a loop that is open (an end further than 1e-6 of the loop's extent from the next start),
+        Raises GeometryError for a loop that is open (an end over 1e-6 of the loop's extent from the next start),
         for an edge that is neither line nor arc, and as :meth:`from_loops`.
         """
         return cls.from_loops([loop_from_neutral(loop, f"loop {k}") for k, loop in enumerate(loops)], unit)
-
-    def _repr_svg_(self) -> str:
-        from d4cad.exporters.svg import svg  # only a notebook needs it: the arrow to the exporters stays lazy
-
-        return svg(self)
 
     def _mapped(self, loops: Sequence[Loop], unit: str) -> Sketch:
         rest = iter(loops)
@@ -189,8 +185,8 @@ def _nested(loops: Sequence[Loop]) -> tuple[Face, ...]:
     np.fill_diagonal(inside, False)  # inside[a, b]: loop b lies in loop a
     depth = inside.sum(axis=0)
     faces = []
-    for a in np.flatnonzero(depth % 2 == 0):
-        holes = np.flatnonzero(inside[a] & (depth == depth[a] + 1))
+    for a in np.flatnonzero(depth % 2 == 0).tolist():
+        holes = np.flatnonzero(inside[a] & (depth == depth[a] + 1)).tolist()
         faces.append(Face(loops[a].oriented(), tuple(loops[h].oriented(clockwise=True) for h in holes)))
     return tuple(faces)
 
