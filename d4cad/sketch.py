@@ -96,7 +96,7 @@ class Sketch:
         return sum(len(loop.points) for loop in self.loops)
 
     def simplified(self, tolerance: float) -> Sketch:
-        """Fewer edges, every loop within ``tolerance`` (a length in the sketch's unit): see :func:`d4cad.joining.joined`."""
+        """Fewer edges, every loop within ``tolerance``, a length in `unit`: see :func:`d4cad.joining.joined`."""
         return self._mapped([joined(loop, tolerance) for loop in self.loops], self.unit)
 
     def scaled(self, factor: float, unit: str = "mm") -> Sketch:
