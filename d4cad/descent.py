@@ -1,0 +1,252 @@
+"""Stochastic Rewrite Descent: Algorithm 1 (`descend`) and Algorithm 2 (`compatible`) of the paper."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from math import inf, log10
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from d4cad.canvas import Canvas
+from d4cad.program import Program, Rewrite
+from d4cad.protocols import Estimator, Grammar, Loss, Objective, Stepper, Trial
+
+S = TypeVar("S")
+
+
+class Stop(Enum):
+    """Why a run ended, in words."""
+
+    STALLED = "no rewrite pays for itself at the last price of a primitive"
+    PATIENCE = "the loss did not improve for the allowed number of rounds"
+    ROUNDS = "the allowed number of rounds was used"
+    TIME = "the time limit was reached"
+    INTERRUPTED = "the run was interrupted"
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A stretch of the search at one edge model and one price.
+
+    ramp: half-width of the coverage ramp in pixels. price: loss that one unit of complexity may cost. rounds: at most so
+    many rounds of steps and rewrites. patience: rounds without a relative gain of ``tolerance`` before the stage ends.
+    """
+
+    ramp: float
+    price: float
+    rounds: int
+    patience: int = 0
+    tolerance: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """Settings of the search.
+
+    stages: one after another. rhythm: numbers of gradient steps, each followed by a repair. stepper: the continuous
+    optimiser. estimator: how rewrites are scored. sample: how many proposals a round scores, None for all; ``reserved``
+    maps a rule to the share of the sample kept for it. recheck: whether a chosen set must lower the objective after a full
+    run of steps, else its best third is tried, and so on down to one.
+    """
+
+    stages: tuple[Stage, ...]
+    rhythm: tuple[int, ...]
+    stepper: Stepper[Any]
+    estimator: Estimator
+    sample: int | None = None
+    reserved: tuple[tuple[str, float], ...] = ()
+    recheck: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One round: gradient steps so far, loss, primitives, rewrites accepted in it, seconds since the start."""
+
+    step: int
+    loss: float
+    primitives: int
+    accepted: int
+    seconds: float
+
+    @property
+    def psnr(self) -> float:
+        """-10 log10(loss) dB, at most 120: the peak signal-to-noise ratio if the loss is a mean squared error."""
+        return min(120.0, -10 * log10(max(self.loss, 1e-12)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Descent(Generic[S]):
+    """What a run found: the best program, its loss, one record per round, and why it ended."""
+
+    program: Program[S]
+    loss: float
+    history: tuple[Record, ...]
+    stop: Stop
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Point(Generic[S]):
+    """A program on its way: stepper state, loss, loss plus simplicity, gradient steps taken to get there."""
+
+    program: Program[S]
+    state: Any
+    loss: float = inf
+    total: float = inf
+    steps: int = 0
+
+
+def descend(
+    program: Program[S],
+    grammar: Grammar[S],
+    objective: Objective,
+    canvas: Canvas,
+    method: Method,
+    rng: np.random.Generator,
+    watch: Callable[[Record, Program[S]], None] | None = None,
+    max_seconds: float = inf,
+) -> Descent[S]:
+    """Algorithm 1: gradient steps interleaved with sampled, scored and greedily combined rewrites.
+
+    ``watch`` is called after every round. Ctrl-C (KeyboardInterrupt) or the end of ``max_seconds`` ends the run with the
+    best program so far.
+    """
+    search = Search(grammar, canvas, method, watch, max_seconds)
+    here = Point(program, method.stepper.init(program))
+    best, stop = here, Stop.ROUNDS
+    try:
+        for stage in method.stages:
+            search.enter(stage)
+            best, quiet, stop = replace(here, total=inf), 0, Stop.ROUNDS
+            for _ in range(stage.rounds):
+                loss = objective.draw(rng)
+                here = search.settle(here, loss)
+                chosen = compatible(search.promising(here, loss, rng))
+                there, accepted = search.combine(here, chosen, loss)
+                search.record(there if method.recheck else here, accepted)
+                gained = min(here.total, there.total) < best.total * (1 - stage.tolerance)
+                quiet = 0 if gained and (accepted or stage.patience) else quiet + 1
+                best = min(best, here, there, key=lambda point: point.total)
+                here = there
+                if quiet > stage.patience:
+                    stop = Stop.PATIENCE if stage.patience else Stop.STALLED
+                    break
+    except KeyboardInterrupt:
+        stop = Stop.INTERRUPTED
+    except OutOfTime:
+        stop = Stop.TIME
+    best = min(best, search.latest or best, key=lambda point: point.total)
+    return Descent(best.program, best.loss, tuple(search.history), stop)
+
+
+def compatible(trials: Sequence[Trial]) -> list[Rewrite]:
+    """Algorithm 2: by descending gain, keep what shares no site with what is kept already."""
+    kept: list[Rewrite] = []
+    taken: set[int] = set()
+    for trial in sorted(trials, key=lambda trial: -trial.gain):
+        if trial.gain > 0 and taken.isdisjoint(trial.rewrite.sites):
+            kept.append(trial.rewrite)
+            taken |= trial.rewrite.sites
+    return kept
+
+
+class OutOfTime(Exception):
+    """The run's time is over; never leaves `descend`."""
+
+
+@dataclass(eq=False)
+class Search(Generic[S]):
+    """The working parts of `descend`, in the order in which it calls them."""
+
+    grammar: Grammar[S]
+    canvas: Canvas
+    method: Method
+    watch: Callable[[Record, Program[S]], None] | None
+    max_seconds: float
+    stage: Stage = field(init=False)
+    history: list[Record] = field(default_factory=list)
+    latest: Point[S] | None = None
+    steps: int = 0
+    started: float = field(default_factory=time.perf_counter)
+
+    def enter(self, stage: Stage) -> None:
+        """Take on a stage's edge model and price."""
+        self.stage = stage
+        self.canvas = self.canvas.with_ramp(stage.ramp)
+
+    def settle(self, point: Point[S], loss: Loss) -> Point[S]:
+        """Gradient steps and repairs in the method's rhythm."""
+        stepper = self.method.stepper
+        program, state, value = point.program, point.state, inf
+        for steps in self.method.rhythm:
+            for _ in range(steps):
+                if time.perf_counter() - self.started > self.max_seconds:
+                    raise OutOfTime
+                evaluation = loss.evaluate(self.grammar.rasterize(program, self.canvas))
+                params, state = stepper.step(program.params, evaluation, state)
+                program = program.moved(params)
+                self.steps += 1
+                if stepper.settled(state):
+                    break
+            params, value = stepper.best(program.params, self._loss(program, loss), state)
+            program = program.moved(params)
+            edit = self.grammar.repair(program)
+            if edit.program is not program:
+                program, state = edit.program, stepper.carry(state, edit)
+                value = self._loss(program, loss)
+            elif stepper.settled(state):
+                break
+        self.latest = Point(program, state, value, value + self.stage.price * self.grammar.complexity(program), self.steps)
+        return self.latest
+
+    def promising(self, here: Point[S], loss: Loss, rng: np.random.Generator) -> list[Trial]:
+        """The sampled proposals, scored."""
+        grammar, method = self.grammar, self.method
+        demand = loss.demand(grammar.rasterize(here.program, self.canvas))
+        rewrites = sampled(grammar.rewrites(here.program, demand, self.canvas, rng), method, rng)
+        return method.estimator.estimate(here.program, rewrites, grammar, loss, self.canvas, self.stage.price)
+
+    def combine(self, here: Point[S], chosen: Sequence[Rewrite], loss: Loss) -> tuple[Point[S], int]:
+        """The program with the chosen rewrites, or with as many of the best as lower the objective together."""
+        while chosen:
+            edit = self.grammar.apply(here.program, chosen)
+            there = Point(edit.program, self.method.stepper.carry(here.state, edit))
+            if not self.method.recheck:
+                return there, len(chosen)
+            there = self.settle(there, loss)
+            if there.total < here.total:
+                return there, len(chosen)
+            chosen = chosen[: len(chosen) // 3 or (1 if len(chosen) > 1 else 0)]
+        self.latest = here
+        return here, 0
+
+    def record(self, point: Point[S], accepted: int) -> None:
+        """Write the round down and tell the watcher."""
+        seconds = time.perf_counter() - self.started
+        entry = Record(self.steps, point.loss, self.grammar.primitives(point.program), accepted, seconds)
+        self.history.append(entry)
+        if self.watch is not None:
+            self.watch(entry, point.program)
+
+    def _loss(self, program: Program[S], loss: Loss) -> float:
+        return loss.value(self.grammar.rasterize(program, self.canvas))
+
+
+def sampled(rewrites: Sequence[Rewrite], method: Method, rng: np.random.Generator) -> list[Rewrite]:
+    """At most ``method.sample`` rewrites, uniformly without replacement; reserved shares for the rules that have one."""
+    if method.sample is None:
+        return list(rewrites)
+    room, chosen = method.sample, []
+    reserved = dict(method.reserved)
+    rest = [r for r in rewrites if r.rule not in reserved]
+    for rule, part in method.reserved:
+        pool = [r for r in rewrites if r.rule == rule]
+        count = min(len(pool), round(part * method.sample))
+        chosen += [pool[i] for i in rng.choice(len(pool), count, replace=False)] if count else []
+        room -= round(part * method.sample)
+    count = min(len(rest), room)
+    chosen += [rest[i] for i in rng.choice(len(rest), count, replace=False)] if count else []
+    return chosen

@@ -1,0 +1,31 @@
+"""The two methods, as settings of the one loop."""
+
+from __future__ import annotations
+
+from d4cad.canvas import Canvas
+from d4cad.descent import Method, Stage
+from d4cad.estimators import LocalFit, Stepped
+from d4cad.steppers import ClippedGradient, LevenbergMarquardt
+
+PAPER_PIXELS = 256 * 256
+"""The paper prices a primitive in mean squared error over this many pixels."""
+
+
+def paper(canvas: Canvas) -> Method:
+    """The publication's settings (SPEC 1.7, AL-F): clipped gradient, 64 sampled proposals, one trial step, no re-check."""
+    stepper = ClippedGradient()
+    stage = Stage(ramp=canvas.ramp, price=1e-5, rounds=200, patience=25, tolerance=5e-3)
+    return Method((stage,), (10, 10, 5), stepper, Stepped(stepper, 1), 64, (("add-loop", 0.25),), recheck=False)
+
+
+def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
+    """Ours: Levenberg-Marquardt, every proposal fitted locally, the ramp narrowing and the price of a primitive falling.
+
+    ``floor``: the last price of a primitive, in summed squared error (pixels); the noise of the picture sets it.
+    """
+    prices = [0.65]
+    while prices[-1] > floor * 1.001:
+        prices.append(max(prices[-1] / 10, floor))
+    wide = [Stage(ramp, prices[0] / canvas.size, rounds=1) for ramp in (6.0, 1.5) if ramp > canvas.ramp]
+    sharp = [Stage(canvas.ramp, price / canvas.size, rounds=1000) for price in prices]
+    return Method((*wide, *sharp), (12, 6, 6), LevenbergMarquardt(), LocalFit(4))

@@ -1,0 +1,43 @@
+"""The image-matching objective: mean squared error between coverage and a target picture (paper, section 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from d4cad.program import Floats
+from d4cad.protocols import Evaluation
+from d4cad.raster.band import Band, SquaresTable
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ImageLoss:
+    """Mean over pixels of (coverage - target)^2. It is its own objective: nothing in it is random."""
+
+    table: SquaresTable
+
+    @classmethod
+    def of(cls, target: Floats) -> ImageLoss:
+        """The loss of a target coverage (height, width), row 0 lowest."""
+        return cls(SquaresTable.of(target))
+
+    def draw(self, rng: np.random.Generator) -> ImageLoss:
+        """The loss itself."""
+        return self
+
+    def value(self, band: Band) -> float:
+        """Mean squared error."""
+        return self.table.value(band) / self.table.target.size
+
+    def evaluate(self, band: Band) -> Evaluation:
+        """Mean squared error, 2 J'r / N and 2 J'J / N for the N pixels."""
+        value, force, matrix = self.table.normal(band)
+        n = self.table.target.size
+        force *= 2 / n
+        matrix *= 2 / n
+        return Evaluation(value / n, force, matrix)
+
+    def demand(self, band: Band) -> Floats:
+        """Target minus coverage."""
+        return np.asarray(self.table.target - band.coverage)

@@ -1,0 +1,151 @@
+"""The small contracts between optimiser, grammar and objective."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+import numpy as np
+
+from d4cad.canvas import Canvas
+from d4cad.program import Edit, Floats, Program, Rewrite
+from d4cad.raster.band import Band
+
+if TYPE_CHECKING:
+    from d4cad.sketch import Sketch
+
+S = TypeVar("S")
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evaluation:
+    """A loss at a program.
+
+    value: the loss. gradient: (n,) its derivative by the parameters. curvature: (n, n) Gauss-Newton approximation of its
+    second derivative where the loss is a sum of squares, else None.
+    """
+
+    value: float
+    gradient: Floats
+    curvature: Floats | None = None
+
+
+class Loss(Protocol):
+    """A function of coverage, its randomness already drawn, so that programs are compared on the same noise."""
+
+    def value(self, band: Band) -> float:
+        """The loss of a raster."""
+        ...
+
+    def evaluate(self, band: Band) -> Evaluation:
+        """The loss of a raster with its derivatives by the program's parameters."""
+        ...
+
+    def demand(self, band: Band) -> Floats:
+        """Where more material would lower the loss: (height, width) in [-1, 1], negative where less would."""
+        ...
+
+
+class Objective(Protocol):
+    """A distribution over losses."""
+
+    def draw(self, rng: np.random.Generator) -> Loss:
+        """One loss, its noise frozen."""
+        ...
+
+
+class Grammar(Protocol[S]):
+    """A language of shapes: its programs, its rewrites, its rasters."""
+
+    @property
+    def name(self) -> str:
+        """The name on the command line and in program files."""
+        ...
+
+    def axiom(self, canvas: Canvas) -> Program[S]:
+        """The program that a search starts from."""
+        ...
+
+    def rewrites(self, program: Program[S], demand: Floats, canvas: Canvas, rng: np.random.Generator) -> list[Rewrite]:
+        """The rewrites on offer; ``demand`` (height, width) says where material is wanted (Loss.demand)."""
+        ...
+
+    def growth(self, program: Program[S], rewrite: Rewrite) -> float:
+        """By how much a rewrite changes the complexity."""
+        ...
+
+    def apply(self, program: Program[S], rewrites: Sequence[Rewrite]) -> Edit[S]:
+        """Apply rewrites at disjoint sites together."""
+        ...
+
+    def repair(self, program: Program[S]) -> Edit[S]:
+        """The nearest valid program of the same shape; the same object within if nothing had to change."""
+        ...
+
+    def complexity(self, program: Program[S]) -> float:
+        """What the simplicity term prices."""
+        ...
+
+    def primitives(self, program: Program[S]) -> int:
+        """Number of primitives, for reports."""
+        ...
+
+    def rasterize(self, program: Program[S], canvas: Canvas) -> Band:
+        """Coverage of the program on a canvas with its derivative."""
+        ...
+
+    def outline(self, program: Program[S]) -> Sketch:
+        """The exact outline in world units: the one bridge to CAD."""
+        ...
+
+    def encode(self, structure: S) -> Any:
+        """The structure as JSON values."""
+        ...
+
+    def decode(self, value: Any) -> S:
+        """The structure back from JSON values; GrammarError if they are not one."""
+        ...
+
+
+class Stepper(Protocol[T]):
+    """A continuous optimiser: pure functions on an explicit state, which is carried through rewrites."""
+
+    def init(self, program: Program[Any]) -> T:
+        """The state before the first step."""
+        ...
+
+    def carry(self, state: T, edit: Edit[Any]) -> T:
+        """The state after the program was edited."""
+        ...
+
+    def step(self, params: Floats, evaluation: Evaluation, state: T) -> tuple[Floats, T]:
+        """The next parameters, given the loss at ``params``."""
+        ...
+
+    def best(self, params: Floats, value: float, state: T) -> tuple[Floats, float]:
+        """What a run of steps is left with, given the loss at its last parameters."""
+        ...
+
+    def settled(self, state: T) -> bool:
+        """Whether further steps on the same program would gain nothing."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trial:
+    """A rewrite with the decrease of loss plus simplicity that it promises."""
+
+    rewrite: Rewrite
+    gain: float
+
+
+class Estimator(Protocol):
+    """How the improvement by each rewrite is foretold."""
+
+    def estimate(
+        self, program: Program[S], rewrites: Sequence[Rewrite], grammar: Grammar[S], loss: Loss, canvas: Canvas, price: float
+    ) -> list[Trial]:
+        """One trial per rewrite, in order; ``price``: the loss that one unit of complexity may cost."""
+        ...

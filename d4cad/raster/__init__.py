@@ -1,0 +1,1 @@
+"""Compiled kernels and the raster that every grammar makes."""

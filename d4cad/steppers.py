@@ -1,0 +1,195 @@
+"""Continuous optimisers: the paper's clipped gradient, Adam, and Levenberg-Marquardt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, sqrt
+from typing import Any
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from d4cad.program import Edit, Floats, Program
+from d4cad.protocols import Evaluation
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """State of the paper's adaptive learning rate: the rate, the best loss, and two counters (SPEC 1.5)."""
+
+    rate: float
+    best: float = inf
+    bad: int = 0
+    good: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ClippedGradient:
+    """Gradient descent with each component clipped and the paper's adaptive rate.
+
+    The rate is halved after more than ``patience`` steps without a new best, and multiplied by sqrt(2) after more than
+    ``patience`` steps that were not worse. As published, an edit keeps the rate and forgets the rest.
+    """
+
+    rate: float = 0.5
+    least: float = 1e-4
+    clip: float = 2.0
+    patience: int = 2
+    threshold: float = 1e-4
+
+    def init(self, program: Program[Any]) -> Rate:
+        """The full rate."""
+        return Rate(self.rate)
+
+    def carry(self, state: Rate, edit: Edit[Any]) -> Rate:
+        """Only the rate persists."""
+        return Rate(state.rate)
+
+    def step(self, params: Floats, evaluation: Evaluation, state: Rate) -> tuple[Floats, Rate]:
+        """One clipped step at the present rate, which then adapts to the loss."""
+        moved = params - state.rate * np.clip(evaluation.gradient, -self.clip, self.clip)
+        return moved, self.adapt(evaluation.value, state)
+
+    def adapt(self, value: float, state: Rate) -> Rate:
+        """The rate after a step at which the loss was ``value``."""
+        rate, best, bad, good = state.rate, state.best, state.bad, state.good
+        good = 0 if value > best * (1 + self.threshold) else good + 1
+        if value < best * (1 - self.threshold):
+            best, bad = value, 0
+        else:
+            bad += 1
+        if bad > self.patience:
+            rate, bad, good = rate / 2, 0, 0
+        if good > self.patience:
+            rate, bad, good = rate * sqrt(2), 0, 0
+        return Rate(min(max(rate, self.least), self.rate), best, bad, good)
+
+    def best(self, params: Floats, value: float, state: Rate) -> tuple[Floats, float]:
+        """The last parameters, as published."""
+        return params, value
+
+    def settled(self, state: Rate) -> bool:
+        """Never: the number of steps decides."""
+        return False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moments:
+    """Adam's running means of the gradient and of its square, (n,) each, and the number of steps behind each."""
+
+    mean: Floats
+    square: Floats
+    count: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Adam:
+    """Adam (Kingma and Ba 2015) whose moments follow their parameters through edits; a new parameter starts afresh."""
+
+    rate: float = 0.01
+    beta1: float = 0.9
+    beta2: float = 0.99
+    epsilon: float = 1e-12
+
+    def init(self, program: Program[Any]) -> Moments:
+        """Zero moments."""
+        n = program.params.size
+        return Moments(np.zeros(n), np.zeros(n), np.zeros(n))
+
+    def carry(self, state: Moments, edit: Edit[Any]) -> Moments:
+        """Each surviving parameter keeps its moments."""
+        return Moments(edit.carry(state.mean), edit.carry(state.square), edit.carry(state.count))
+
+    def step(self, params: Floats, evaluation: Evaluation, state: Moments) -> tuple[Floats, Moments]:
+        """One bias-corrected step; the correction counts each parameter's own steps."""
+        g = evaluation.gradient
+        mean = self.beta1 * state.mean + (1 - self.beta1) * g
+        square = self.beta2 * state.square + (1 - self.beta2) * g * g
+        count = state.count + 1
+        first = mean / (1 - self.beta1**count)
+        second = square / (1 - self.beta2**count)
+        return params - self.rate * first / (np.sqrt(second) + self.epsilon), Moments(mean, square, count)
+
+    def best(self, params: Floats, value: float, state: Moments) -> tuple[Floats, float]:
+        """The last parameters."""
+        return params, value
+
+    def settled(self, state: Moments) -> bool:
+        """Never: the number of steps decides."""
+        return False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trust:
+    """Levenberg-Marquardt's state: the damping, and the best parameters of this structure with their evaluation."""
+
+    damping: float
+    params: Floats | None = None
+    evaluation: Evaluation | None = None
+    done: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class LevenbergMarquardt:
+    """Damped Gauss-Newton steps (Marquardt 1963: the damping scales the curvature's diagonal).
+
+    A step that raised the loss is taken back by the next one, at ten times the damping. ``reach``: the longest change of
+    one parameter in a step. ``tolerance``: the relative decrease of the loss under which the program is settled;
+    ``least``: a loss so small that it is settled anyway.
+    """
+
+    damping: float = 1e-3
+    reach: float = 0.1
+    tolerance: float = 1e-4
+    least: float = 1e-17
+
+    def init(self, program: Program[Any]) -> Trust:
+        """No step taken yet."""
+        return Trust(self.damping)
+
+    def carry(self, state: Trust, edit: Edit[Any]) -> Trust:
+        """An edited program has no evaluated point yet."""
+        return Trust(self.damping)
+
+    def step(self, params: Floats, evaluation: Evaluation, state: Trust) -> tuple[Floats, Trust]:
+        """From the better of the present and the best point, one damped step."""
+        if evaluation.curvature is None:
+            raise ValueError("Levenberg-Marquardt needs a loss that is a sum of squares")
+        damping, done = state.damping, False
+        if state.evaluation is None or state.params is None or evaluation.value < state.evaluation.value:
+            if state.evaluation is not None:
+                damping = max(damping / 10, 1e-9)
+                done = state.evaluation.value - evaluation.value <= self.tolerance * state.evaluation.value
+            at, here = params, evaluation
+        else:
+            damping *= 10
+            at, here = state.params, state.evaluation
+        done = done or damping > 1e4 or here.value <= self.least
+        return at + self._increment(here, damping), Trust(damping, at, here, done)
+
+    def _increment(self, here: Evaluation, damping: float) -> Floats:
+        """The damped step, shortened to the reach; the damping grows until the matrix is positive definite."""
+        curvature = np.array(here.curvature)
+        diagonal = np.diagonal(curvature).copy()
+        floor = 1e-9 * max(float(diagonal.max(initial=0.0)), 1e-300)
+        while True:
+            np.fill_diagonal(curvature, diagonal * (1 + damping) + floor)
+            try:
+                increment: Floats = -cho_solve(cho_factor(curvature, check_finite=False), here.gradient, check_finite=False)
+                break
+            except LinAlgError:
+                damping = max(10 * damping, 1e-6)
+        longest = float(np.abs(increment).max(initial=0.0))
+        return increment * min(1.0, self.reach / longest) if longest > 0 else increment
+
+    def best(self, params: Floats, value: float, state: Trust) -> tuple[Floats, float]:
+        """The better of the last and the best point."""
+        if state.params is None or state.evaluation is None or value < state.evaluation.value:
+            return params, value
+        return state.params, state.evaluation.value
+
+    def settled(self, state: Trust) -> bool:
+        """Whether the last step gained nearly nothing."""
+        return state.done
+
+

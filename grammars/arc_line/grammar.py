@@ -1,0 +1,233 @@
+"""The Arc-Line grammar: closed loops of lines and circular arcs under the non-zero rule."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from d4cad.canvas import Canvas
+from d4cad.errors import GrammarError
+from d4cad.grammars.arc_line.places import DemandPlaces, Places
+from d4cad.grammars.arc_line.repair import compact, repair
+from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, rewrite, touched
+from d4cad.grammars.arc_line.structure import Shape, Structure, from_shape, parameter_origin, to_shape
+from d4cad.grammars.arc_line.trials import trials
+from d4cad.program import Edit, Floats, Program, Rewrite
+from d4cad.raster.band import Band
+from d4cad.raster.scan import scan
+
+if TYPE_CHECKING:
+    from d4cad.sketch import Sketch
+
+RULES = {rule.name.lower().replace("_", "-"): rule for rule in Rule}
+"""Rules by their names."""
+
+GROWTH = {
+    Rule.SPLIT: 1, Rule.SPLIT_LINES: 1, Rule.TO_ARC: 0, Rule.TO_LINE: 0,
+    Rule.MERGE_LINE: -1, Rule.MERGE_ARC: -1, Rule.CLOSE: -1, Rule.ADD_LOOP: 4,
+}  # fmt: skip
+"""By how many edges each rule changes a program; removing a loop takes all of its edges."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArcLine:
+    """Loops of lines and arcs.
+
+    pixel: the world length that counts as one pixel in guards and repair. rules: the names of the rewrites in use.
+    places: where new loops are proposed. lossy: a merge or removal is proposed if it moves the outline by at most so many
+    pixels as the guards estimate it; the trial decides.
+    """
+
+    pixel: float = 3 / 256
+    rules: frozenset[str] = frozenset(RULES)
+    places: Places = field(default_factory=DemandPlaces)
+    lossy: float = 12.0
+
+    @property
+    def name(self) -> str:
+        """arc-line"""
+        return "arc-line"
+
+    def axiom(self, canvas: Canvas) -> Program[Structure]:
+        """The paper's diamond, with corners at two thirds of the canvas' half-sizes."""
+        ex, ey = (2 * side / 3 for side in canvas.extent)
+        return Program(Structure((4,), (False,) * 4), np.array([ex, 0.0, 0.0, ey, -ex, 0.0, 0.0, -ey]))
+
+    def complexity(self, program: Program[Structure]) -> float:
+        """Number of edges."""
+        return float(len(program.structure.arcs))
+
+    def primitives(self, program: Program[Structure]) -> int:
+        """Number of edges."""
+        return len(program.structure.arcs)
+
+    def growth(self, program: Program[Structure], rewrite: Rewrite) -> float:
+        """Change of the number of edges."""
+        rule = RULES[rewrite.rule]
+        return float(-len(rewrite.sites) if rule == Rule.REMOVE_LOOP else GROWTH[rule])
+
+    def rasterize(self, program: Program[Structure], canvas: Canvas) -> Band:
+        """Coverage and its derivative by the program's parameters."""
+        layout = program.structure.layout
+        shape = _on(program, canvas)
+        row, col, cover, wound, edge, slope, spans = scan(
+            shape.x, shape.y, shape.b, shape.nxt, 0, canvas.height, 0, canvas.width, canvas.ramp
+        )
+        slope[:, :4] /= canvas.pixel
+        return Band(canvas.shape, row, col, cover, wound, edge, slope, layout.columns, spans, layout.size)
+
+    def repair(self, program: Program[Structure]) -> Edit[Structure]:
+        """Loops that do not cross and have their inside on the left, bounding the same non-zero region."""
+        layout = program.structure.layout
+        if not np.isfinite(program.params).all():
+            raise GrammarError("an Arc-Line program needs finite parameters, got NaN or infinity")
+        shape = to_shape(program, 1 / self.pixel)
+        x, y, b, arc, sizes, vertex, edge, changed = repair(*shape)
+        if not changed:
+            return Edit(program, np.arange(layout.size))
+        mended = from_shape(Shape(x, y, b, arc, layout.nxt), sizes, 1 / self.pixel)
+        return Edit(mended, parameter_origin(vertex, edge, arc, layout))
+
+    def rewrites(self, program: Program[Structure], demand: Floats, canvas: Canvas, rng: np.random.Generator) -> list[Rewrite]:
+        """All rewrites of the enabled rules whose guards allow them."""
+        found = []
+        shape = to_shape(program, 1 / self.pixel)
+        prv = _before(shape.nxt)
+        vertices, edges = np.empty(4, np.int64), np.empty(4, np.int64)
+        for rule, site in self._candidates(program.structure, shape, prv):
+            count, _ = touched(rule, site, shape.nxt, prv, len(shape.x), vertices, edges)
+            sites = frozenset({site, *(int(v) for v in vertices[:count] if v < len(shape.x))})
+            found.append(Rewrite(_name(rule), sites, (float(site),)))
+        if "remove-loop" in self.rules and len(program.structure.sizes) > 1:
+            start = 0
+            for size in program.structure.sizes:
+                found.append(Rewrite("remove-loop", frozenset(range(start, start + size)), (float(start),)))
+                start += size
+        if "add-loop" in self.rules:
+            inside = self.rasterize(program, canvas).coverage
+            found += [Rewrite("add-loop", frozenset(), (0.0, *place)) for place in self.places(demand, inside, canvas, rng)]
+        return found
+
+    def _candidates(self, structure: Structure, shape: Shape, prv: NDArray[np.int64]) -> list[tuple[Rule, int]]:
+        """Rules at edges and vertices, by their guards."""
+        found: list[tuple[Rule, int]] = []
+        sizes = np.repeat(structure.sizes, structure.sizes)
+        chord = np.hypot(shape.x[shape.nxt] - shape.x, shape.y[shape.nxt] - shape.y)
+        for i, arc in enumerate(structure.arcs):
+            found += [(Rule.SPLIT, i), (Rule.SPLIT_LINES, i), (Rule.TO_LINE, i)] if arc else [(Rule.SPLIT, i), (Rule.TO_ARC, i)]
+            if sizes[i] > 2:
+                found += [(Rule.MERGE_LINE, i), (Rule.MERGE_ARC, i)]
+                if chord[i] <= self.lossy:
+                    found.append((Rule.CLOSE, i))
+        return [(rule, i) for rule, i in found if _name(rule) in self.rules]
+
+    def apply(self, program: Program[Structure], rewrites: Sequence[Rewrite]) -> Edit[Structure]:
+        """Apply rewrites at disjoint sites, each with its fitted values if it carries some."""
+        layout = program.structure.layout
+        shape = to_shape(program, 1 / self.pixel)
+        n, room = len(shape.x), len(shape.x) + NEW_VERTICES * len(rewrites)
+        x, y, b, arc, nxt = (np.concatenate([part, np.zeros(room - n, part.dtype)]) for part in shape)
+        nxt[n:] = np.arange(n, room)
+        prv = np.concatenate([_before(shape.nxt), np.arange(n, room)])
+        used = n
+        vertices, edges = np.empty(4, np.int64), np.empty(4, np.int64)
+        fresh_b: list[int] = []
+        for item in rewrites:
+            rule, site = RULES[item.rule], int(item.data[0])
+            free, own = touched(rule, site, nxt, prv, used, vertices, edges)
+            used = rewrite(rule, site, self._data(item), x, y, b, arc, nxt, prv, used)
+            if item.fit is not None and free:
+                x[vertices[:free]], y[vertices[:free]] = item.fit[0 : 2 * free : 2], item.fit[1 : 2 * free : 2]
+                bent = [e for e in edges[:own] if arc[e]]
+                b[bent] = item.fit[2 * free : 2 * free + len(bent)]
+            fresh_b += [int(e) for e in edges[:own]]
+        keep = nxt[:used] != np.arange(used)
+        if not keep.any():
+            return Edit(program, np.arange(layout.size))
+        number = np.where(np.arange(used) < n, np.arange(used), -1)
+        same_edge = number.copy()
+        same_edge[[e for e in fresh_b if e < used]] = -1
+        x, y, b, arc, _, vertex, edge, sizes = compact(x[:used], y[:used], b[:used], arc[:used], nxt[:used], number, same_edge, keep)
+        changed = from_shape(Shape(x, y, b, arc, nxt), sizes, 1 / self.pixel)
+        return Edit(changed, parameter_origin(vertex, edge, arc, layout))
+
+    def _data(self, item: Rewrite) -> Floats:
+        """The numbers of a rewrite in pixels, (3,)."""
+        data = np.zeros(3)
+        data[: len(item.data) - 1] = np.array(item.data[1:]) / self.pixel
+        return data
+
+    def local_trials(
+        self, program: Program[Structure], rewrites: Sequence[Rewrite], loss: Any, canvas: Canvas, steps: int
+    ) -> list[tuple[Rewrite, float]]:
+        """Each rewrite with the values that ``steps`` local steps find for it, and the decrease of the loss."""
+        if not rewrites:
+            return []
+        shape = _on(program, canvas)
+        rules = np.array([RULES[r.rule] for r in rewrites], np.int64)
+        sites = np.array([int(r.data[0]) for r in rewrites], np.int64)
+        middle = np.array([canvas.width / 2, canvas.height / 2, 0.0])
+        data = np.array([[*r.data[1:], 0.0, 0.0, 0.0][:3] for r in rewrites]) / canvas.pixel + middle
+        table = loss.table
+        gain, fit = trials(
+            rules, sites, data, *shape, _before(shape.nxt), table.target, table.runs, table.squares, canvas.ramp, steps
+        )
+        scale = canvas.pixel / self.pixel
+        fitted = []
+        for k, item in enumerate(rewrites):
+            count = _free(rules[k])
+            values = fit[k].copy()
+            values[: 2 * count : 2] = (values[: 2 * count : 2] - middle[0]) * scale
+            values[1 : 2 * count : 2] = (values[1 : 2 * count : 2] - middle[1]) * scale
+            fitted.append((replace(item, fit=values), float(gain[k]) / canvas.size))
+        return fitted
+
+    def outline(self, program: Program[Structure]) -> Sketch:
+        """The loops as an exact sketch in world units."""
+        from d4cad.sketch import Loop, Sketch
+
+        shape = to_shape(program)
+        loops, start = [], 0
+        for size in program.structure.sizes:
+            part = slice(start, start + size)
+            points = tuple(zip(shape.x[part].tolist(), shape.y[part].tolist(), strict=True))
+            loops.append(Loop(points, tuple(shape.b[part].tolist())))
+            start += size
+        return Sketch.from_loops(loops, "world")
+
+    def encode(self, structure: Structure) -> Any:
+        """Each loop as a word: L for a line, A for an arc."""
+        letters = "".join("A" if arc else "L" for arc in structure.arcs)
+        ends = np.cumsum((0, *structure.sizes))
+        return [letters[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)]
+
+    def decode(self, value: Any) -> Structure:
+        """The structure from its words."""
+        if not isinstance(value, list) or not value or not all(isinstance(w, str) and set(w) <= {"L", "A"} for w in value):
+            raise GrammarError(f"an Arc-Line structure is a list of words of L and A, got {value!r}")
+        return Structure(tuple(len(word) for word in value), tuple(letter == "A" for word in value for letter in word))
+
+
+def _on(program: Program[Structure], canvas: Canvas) -> Shape:
+    """The program's loops in the canvas' pixels."""
+    return to_shape(program, 1 / canvas.pixel, canvas.width / 2, canvas.height / 2)
+
+
+def _before(nxt: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The vertex before each."""
+    prv = np.empty_like(nxt)
+    prv[nxt] = np.arange(len(nxt))
+    return prv
+
+
+def _name(rule: Rule) -> str:
+    return rule.name.lower().replace("_", "-")
+
+
+def _free(rule: int) -> int:
+    """How many vertices a rule may move at most."""
+    return {Rule.ADD_LOOP: 4, Rule.SPLIT: 3, Rule.SPLIT_LINES: 3, Rule.CLOSE: 3}.get(Rule(rule), 2)

@@ -1,0 +1,129 @@
+"""The rewrites of the Arc-Line grammar on linked loops, compiled.
+
+A rule changes arrays in place that have room for new vertices behind the ``n`` in use; a vertex that goes is left
+pointing at itself. So rewrites at disjoint sites can be applied one after another with the original numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+
+import numba as nb
+
+from d4cad.grammars.arc_line.curves import apex, bulge_through, sub_bulge
+
+
+class Rule(IntEnum):
+    """Rewrites, by what they do to edge i (from vertex i) or at vertex j between the edges before and after it."""
+
+    SPLIT = 0
+    """Edge i into two of its kind, at its apex."""
+    TO_ARC = 1
+    """Line i becomes an arc of bulge 0."""
+    TO_LINE = 2
+    """Arc i becomes its chord."""
+    MERGE_LINE = 3
+    """Both edges at vertex j become the line between their far ends."""
+    MERGE_ARC = 4
+    """Both edges at vertex j become the arc through their far ends and j."""
+    CLOSE = 5
+    """Edge i shrinks to its middle: its neighbours meet there."""
+    ADD_LOOP = 6
+    """A circle of four arcs, data = (x, y, radius), clockwise (a hole) if the radius is negative."""
+    REMOVE_LOOP = 7
+    """The loop of vertex i goes."""
+    SPLIT_LINES = 8
+    """Arc i into two lines through its apex."""
+
+
+NEW_VERTICES = 4
+"""The most vertices that one rewrite adds."""
+
+
+@nb.njit(cache=True)
+def rewrite(rule, site, data, x, y, b, arc, nxt, prv, n):
+    """Apply one rewrite to arrays with room for n + 4 vertices; returns the new number of vertices in use.
+
+    data: (3,) float64. prv: (n + 4,) int64, the vertex before each.
+    """
+    i = site
+    j = nxt[i]
+    if rule == Rule.SPLIT or rule == Rule.SPLIT_LINES:
+        x[n], y[n] = apex(x[i], y[i], x[j], y[j], b[i])
+        arc[n] = arc[i] and rule == Rule.SPLIT
+        b[n] = sub_bulge(b[i], 0.5) if arc[n] else 0.0
+        arc[i], b[i] = arc[n], b[n]
+        nxt[n], prv[n] = j, i
+        nxt[i], prv[j] = n, n
+        return n + 1
+    if rule == Rule.TO_ARC:
+        arc[i], b[i] = True, 0.0
+    elif rule == Rule.TO_LINE:
+        arc[i], b[i] = False, 0.0
+    elif rule == Rule.MERGE_LINE or rule == Rule.MERGE_ARC:
+        before = prv[i]
+        arc[before] = rule == Rule.MERGE_ARC
+        b[before] = bulge_through(x[before], y[before], x[i], y[i], x[j], y[j]) if arc[before] else 0.0
+        nxt[before], prv[j] = j, before
+        _remove(i, x, y, nxt, prv)
+    elif rule == Rule.CLOSE:
+        x[i], y[i] = 0.5 * (x[i] + x[j]), 0.5 * (y[i] + y[j])
+        arc[i], b[i] = arc[j], b[j]
+        nxt[i], prv[nxt[j]] = nxt[j], i
+        _remove(j, x, y, nxt, prv)
+    elif rule == Rule.REMOVE_LOOP:
+        while nxt[i] != i:
+            after = nxt[i]
+            _remove(i, x, y, nxt, prv)
+            i = after
+    elif rule == Rule.ADD_LOOP:
+        r = abs(data[2])
+        turn = 1.0 if data[2] > 0.0 else -1.0
+        for k in range(4):
+            angle = turn * 0.5 * math.pi * k
+            x[n + k], y[n + k] = data[0] + r * math.cos(angle), data[1] + r * math.sin(angle)
+            b[n + k], arc[n + k] = turn * math.tan(math.pi / 8.0), True
+            nxt[n + k], prv[n + k] = n + (k + 1) % 4, n + (k + 3) % 4
+        return n + 4
+    return n
+
+
+@nb.njit(cache=True, inline="always")
+def _remove(i, x, y, nxt, prv):
+    """Leave vertex i pointing at itself, far below every canvas, where no kernel meets it."""
+    nxt[i], prv[i] = i, i
+    x[i], y[i] = -1e7, -1e7
+
+
+@nb.njit(cache=True)
+def touched(rule, site, nxt, prv, n, vertices, edges):
+    """What a rewrite may tune, asked *before* it is applied: the ends of the edges it makes or changes, and those edges.
+
+    Fills ``vertices`` (4,) and ``edges`` (4,), returns how many of each.
+    """
+    i, j = site, nxt[site]
+    if rule == Rule.ADD_LOOP:
+        for k in range(4):
+            vertices[k] = edges[k] = n + k
+        return 4, 4
+    if rule == Rule.SPLIT or rule == Rule.SPLIT_LINES:
+        vertices[0], vertices[1], vertices[2] = i, n, j
+        edges[0], edges[1] = i, n
+        return 3, 2
+    if rule == Rule.TO_ARC or rule == Rule.TO_LINE:
+        vertices[0], vertices[1] = i, j
+        edges[0] = i
+        return 2, 1
+    if rule == Rule.MERGE_LINE or rule == Rule.MERGE_ARC:
+        vertices[0], vertices[1] = prv[i], j
+        edges[0] = prv[i]
+        return 2, 1
+    if rule == Rule.CLOSE:
+        vertices[0], vertices[1] = prv[i], i
+        edges[0], edges[1] = prv[i], i
+        if nxt[j] == prv[i]:
+            return 2, 2
+        vertices[2] = nxt[j]
+        return 3, 2
+    return 0, 0
