@@ -24,6 +24,19 @@ FORMATS = ("PNG", "JPEG", "BMP", "TIFF", "WEBP")
 MAX_PIXELS = 50_000_000
 MIN_SIDE = 8
 
+BROKEN = (
+    OSError,
+    SyntaxError,
+    ValueError,
+    TypeError,
+    LookupError,
+    ArithmeticError,
+    EOFError,
+    struct.error,
+    zlib.error,
+)
+"""What Pillow raises for damaged files: it has no error of its own."""
+
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Rec. 709 weights of red, green and blue."""
 
@@ -105,7 +118,7 @@ def load(
 
 def _read(path: Path, max_pixels: int) -> tuple[Floats, float | None]:
     """Decode a file to (H, W) or (H, W, C) values in [0, 1], top row first, and its resolution."""
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image, ImageOps, UnidentifiedImageError
 
     if path.is_dir():
         raise InputError(f"expected a picture, but {path} is a directory")
@@ -116,7 +129,7 @@ def _read(path: Path, max_pixels: int) -> tuple[Floats, float | None]:
             with Image.open(path, formats=FORMATS) as image:
                 _check_size((image.height, image.width), max_pixels, path.name)
                 image.load()
-                return _pixels(image, path.name), _resolution(image)
+                upright, dpi = ImageOps.exif_transpose(image), _resolution(image)
     except InputError:
         raise
     except FileNotFoundError:
@@ -127,8 +140,9 @@ def _read(path: Path, max_pixels: int) -> tuple[Floats, float | None]:
         raise InputError(_too_large(max_pixels, "far more", path.name)) from None
     except UnidentifiedImageError:
         raise InputError(f"expected a PNG, JPEG, BMP, TIFF or WebP picture, but {path} is none of these") from None
-    except (OSError, SyntaxError, ValueError, EOFError, IndexError, struct.error, zlib.error) as error:
+    except BROKEN as error:
         raise InputError(f"expected a complete picture, but {path} is damaged or cut short ({error})") from None
+    return _pixels(upright, path.name), dpi
 
 
 def _resolution(image: Image) -> float | None:
@@ -137,11 +151,8 @@ def _resolution(image: Image) -> float | None:
     return (x + y) / 2 if x > 1 and abs(x - y) <= 0.01 * x else None
 
 
-def _pixels(image: Image, name: str) -> Floats:
-    """Any mode that Pillow decodes as values in [0, 1], upright: grey, or RGBA where colour or alpha is there."""
-    from PIL import ImageOps
-
-    upright = ImageOps.exif_transpose(image)
+def _pixels(upright: Image, name: str) -> Floats:
+    """A decoded image of any mode as values in [0, 1]: (H, W) grey or (H, W, 3 or 4) colour."""
     if upright.mode == "F" or upright.mode.startswith("I"):
         wide = np.asarray(upright).astype(np.float64)
         if not np.isfinite(wide).all():
