@@ -47,9 +47,9 @@ class LocalTrials(Protocol):
     """A grammar that can fit each rewrite on its own parameters inside the window it affects."""
 
     def local_trials(
-        self, program: Program[Any], rewrites: Sequence[Rewrite], loss: Any, canvas: Canvas, steps: int
-    ) -> list[tuple[Rewrite, float]]:
-        """Each rewrite with its fitted values, and the decrease of the loss."""
+        self, program: Program[Any], rewrites: Sequence[Rewrite], loss: Any, canvas: Canvas, price: float, steps: int
+    ) -> list[Trial]:
+        """The rewrites that pay, with their fitted values."""
         ...
 
 
@@ -60,6 +60,6 @@ class LocalFit:
     steps: int = 4
 
     def estimate(self, program: Program[S], rewrites: Sequence[Rewrite], grammar: Any, loss: Loss, canvas: Canvas, price: float) -> list[Trial]:
-        """One trial per rewrite, in order, the fitted values in the rewrite."""
-        fitted = grammar.local_trials(program, rewrites, loss, canvas, self.steps)
-        return [Trial(rewrite, gain - price * grammar.growth(program, rewrite)) for rewrite, gain in fitted]
+        """Trials of the rewrites that pay, the fitted values in the rewrite."""
+        trials: list[Trial] = grammar.local_trials(program, rewrites, loss, canvas, price, self.steps)
+        return trials

@@ -147,5 +147,5 @@ class Estimator(Protocol):
     def estimate(
         self, program: Program[S], rewrites: Sequence[Rewrite], grammar: Grammar[S], loss: Loss, canvas: Canvas, price: float
     ) -> list[Trial]:
-        """One trial per rewrite, in order; ``price``: the loss that one unit of complexity may cost."""
+        """Trials of the rewrites, at least of those that pay; ``price``: the loss that one unit of complexity may cost."""
         ...

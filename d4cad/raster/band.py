@@ -86,7 +86,7 @@ class SquaresTable:
         return float(value), gradient, matrix
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, error_model="numpy")
 def _fill(dense, spans, row, col, cover):
     for k in range(spans.shape[0]):
         for j in range(spans[k, 1], spans[k, 2]):
@@ -95,7 +95,7 @@ def _fill(dense, spans, row, col, cover):
         dense[row[s], col[s]] = cover[s]
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, error_model="numpy")
 def _pull_back(gradient, row, col, piece, slope, columns, size):
     out = np.zeros(size)
     for s in range(row.shape[0]):
@@ -108,7 +108,7 @@ def _pull_back(gradient, row, col, piece, slope, columns, size):
     return out
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, error_model="numpy")
 def squared_error(target, runs, total, row, col, cover, wound, spans):
     """Squared error: an empty shape's, plus the inside runs', corrected at the band's pixels."""
     value = total
@@ -122,7 +122,7 @@ def squared_error(target, runs, total, row, col, cover, wound, spans):
     return value
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, error_model="numpy")
 def normal_equations(target, runs, total, row, col, cover, wound, spans, piece, slope, columns, gradient, matrix):
     """Squared error; adds J'r to ``gradient`` (n,) and J'J to ``matrix`` (n, n), both given zeroed."""
     value = squared_error(target, runs, total, row, col, cover, wound, spans)
@@ -135,6 +135,8 @@ def normal_equations(target, runs, total, row, col, cover, wound, spans, piece, 
         p = piece[s]
         for k in range(width):
             j = slope[s, k]
+            if j == 0.0:
+                continue
             force[p, k] += j * residual
             for i in range(k + 1):
                 block[p, k, i] += j * slope[s, i]

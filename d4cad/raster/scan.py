@@ -24,29 +24,19 @@ AT_EDGE, AT_START, AT_END = 0, 1, 2
 """What a pixel is nearest to: the inside of its edge, or one of its vertices."""
 
 
-@nb.njit(cache=True, inline="always")
-def _chord_frame(table, e, px, py):
-    """Coordinates (u, v) of a point in the frame of edge e: along the chord, and right of travel."""
-    dx = px - table[e, X0]
-    dy = py - table[e, Y0]
-    return dx * table[e, CX] + dy * table[e, SX], dx * table[e, SX] - dy * table[e, CX]
-
-
-@nb.njit(cache=True, inline="always")
-def _distance(table, e, px, py):
-    """Signed distance to the edge's curve (> 0 right of travel) and where its foot lies.
+@nb.njit(cache=True, inline="always", error_model="numpy")
+def _distance(u, v, length, b, cos, sin, radius, flat):
+    """Signed distance to an edge's curve (> 0 right of travel) from the chord frame, and where its foot lies.
 
     At a vertex the distance is to that vertex, unsigned. The sector of an arc over half a turn is the union, of
     a lesser one the intersection, of the half-planes that its end normals bound.
     """
-    u, v = _chord_frame(table, e, px, py)
-    length = table[e, LENGTH]
-    b = table[e, BULGE]
-    after = u * table[e, COS] + v * table[e, SIN] >= 0.0
-    before = (u - length) * table[e, COS] - v * table[e, SIN] <= 0.0
-    if (after and before) or (abs(b) > 1.0 and (after or before)):
-        f = 2.0 * b * (u * u - u * length + v * v) + 2.0 * table[e, FLAT] * v
-        return f / (table[e, RADIUS] + math.hypot(b * (2.0 * u - length), 2.0 * b * v + table[e, FLAT])), AT_EDGE
+    after = u * cos + v * sin >= 0.0
+    before = (u - length) * cos - v * sin <= 0.0
+    if (after and before) or ((after or before) and abs(b) > 1.0):
+        f = 2.0 * (b * (u * (u - length) + v * v) + flat * v)
+        across, along = b * (2.0 * u - length), 2.0 * b * v + flat
+        return f / (radius + math.sqrt(across * across + along * along)), AT_EDGE
     to_start = u * u + v * v
     to_end = (u - length) * (u - length) + v * v
     if to_start <= to_end:
@@ -54,7 +44,7 @@ def _distance(table, e, px, py):
     return math.sqrt(to_end), AT_END
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, error_model="numpy")
 def edge_table(x, y, b, nxt):
     """Constants of every edge, (n, 10), columns as named above. Chords under 1e-9 px count as 1e-9 px long."""
     n = x.shape[0]
@@ -79,7 +69,7 @@ def edge_table(x, y, b, nxt):
     return table
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, error_model="numpy")
 def monotone_pieces(table, x, y, nxt, owner, ends):
     """Cut every edge where it runs level or upright; returns the number of pieces.
 
@@ -117,7 +107,7 @@ def monotone_pieces(table, x, y, nxt, owner, ends):
     return count
 
 
-@nb.njit(cache=True, inline="always")
+@nb.njit(cache=True, inline="always", error_model="numpy")
 def _x_at(table, e, ends, k, py):
     """Where piece k of edge e meets the height py (clamped to the piece's own box).
 
@@ -125,9 +115,12 @@ def _x_at(table, e, ends, k, py):
     travel. The root is taken in whichever form adds numbers of one sign, so that A = 0 is no special case.
     """
     xa, ya, xb, yb = ends[k, 0], ends[k, 1], ends[k, 2], ends[k, 3]
+    # At its ends the piece's own numbers: on a nearly level piece the quadratic could land anywhere between them.
+    if py <= min(ya, yb):
+        return xa if ya <= yb else xb
+    if py >= max(ya, yb):
+        return xb if ya <= yb else xa
     low, high = (xa, xb) if xa < xb else (xb, xa)
-    if ya == yb:
-        return xa
     b = table[e, BULGE]
     length = table[e, LENGTH]
     rise = py - table[e, Y0]
@@ -145,13 +138,13 @@ def _x_at(table, e, ends, k, py):
     return min(max(x + table[e, X0], low), high)
 
 
-@nb.njit(cache=True, inline="always")
+@nb.njit(cache=True, inline="always", error_model="numpy")
 def _column(x):
     """The first column whose centre is at x or right of it."""
     return math.ceil(x - 0.5)
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, error_model="numpy")
 def scan(x, y, b, nxt, r0, r1, c0, c1, ramp):
     """The boundary band of loops inside the window of rows [r0, r1) and columns [c0, c1).
 
@@ -211,7 +204,7 @@ def scan(x, y, b, nxt, r0, r1, c0, c1, ramp):
     spans = np.empty((first[rows] // 2 + rows + 1, 3), np.int64)
     m = 0
     span_count = 0
-    slot = np.full(c1 - c0, -1, np.int64)
+    slot = np.full(c1 - c0, -1, np.int32)
     gap = np.empty(c1 - c0)
     part = np.empty(c1 - c0, np.uint8)
     crossings = np.empty(first[rows] + 1)
@@ -244,10 +237,17 @@ def scan(x, y, b, nxt, r0, r1, c0, c1, ramp):
                 xl, xh = ends[k, 0], ends[k, 2]
             if xl > xh:
                 xl, xh = xh, xl
+            length, b_e, cos, sin = table[e, LENGTH], table[e, BULGE], table[e, COS], table[e, SIN]
+            radius, flat = table[e, RADIUS], table[e, FLAT]
+            cx, sx = table[e, CX], table[e, SX]
+            dx0, dy = 0.5 - table[e, X0], py - table[e, Y0]
             for col in range(max(_column(xl - ramp), c0), min(_column(xh + ramp), c1)):
-                d, where = _distance(table, e, col + 0.5, py)
+                dx = col + dx0
+                d, where = _distance(dx * cx + dy * sx, dx * sx - dy * cx, length, b_e, cos, sin, radius, flat)
+                if abs(d) >= ramp:
+                    continue
                 s = slot[col - c0]
-                if abs(d) >= ramp or (s >= 0 and abs(d) >= abs(gap[col - c0])):
+                if s >= 0 and abs(d) >= abs(gap[col - c0]):
                     continue
                 if s < 0:
                     slot[col - c0] = m
@@ -287,38 +287,38 @@ def scan(x, y, b, nxt, r0, r1, c0, c1, ramp):
             wound[s] = inside
             d = gap[col - c0]
             cover[s] = 0.5 + (abs(d) if inside else -abs(d)) / (2.0 * ramp)
-            _slope(table, edge[s], px, py, d, part[col - c0], inside, ramp, slope[s])
+            _slope(table, edge[s], px, py, d, part[col - c0], inside, ramp, slope, s)
 
     return row_of[:m], col_of[:m], cover[:m], wound[:m], edge[:m], slope[:m], spans[:span_count]
 
 
-@nb.njit(cache=True, inline="always")
-def _slope(table, e, px, py, d, where, inside, ramp, out):
-    """Derivatives of a pixel's coverage by its edge's five numbers, into ``out`` (5,).
+@nb.njit(cache=True, inline="always", error_model="numpy")
+def _slope(table, e, px, py, d, where, inside, ramp, slope, s):
+    """Derivatives of a pixel's coverage by its edge's five numbers, into row s of ``slope`` (m, 5).
 
     By the envelope theorem only the motion of the foot along the normal counts. Moving an end at constant bulge
     turns and scales the edge about the other end: the foot at zeta = (q - z0) / (z1 - z0) moves by (1 - zeta) dz0 +
     zeta dz1. The bulge moves it along the normal by -f_b / |grad f|.
     """
-    out[:] = 0.0
+    length, b, cx, sx = table[e, LENGTH], table[e, BULGE], table[e, CX], table[e, SX]
+    dx, dy = px - table[e, X0], py - table[e, Y0]
+    u, v = dx * cx + dy * sx, dx * sx - dy * cx
+    for k in range(5):
+        slope[s, k] = 0.0
     if where != AT_EDGE:
         # d = |pixel - vertex|; coverage = 1/2 -+ d / (2 ramp). At d = 0 the direction is taken to be 0.
         at = 0 if where == AT_START else 2
-        u, v = _chord_frame(table, e, px, py)
         if where == AT_END:
-            u -= table[e, LENGTH]
+            u -= length
         if d > 0.0:
             grow = (-1.0 if inside else 1.0) / (2.0 * ramp * d)
-            out[at] = grow * (u * table[e, CX] + v * table[e, SX])
-            out[at + 1] = grow * (u * table[e, SX] - v * table[e, CX])
+            slope[s, at] = grow * (u * cx + v * sx)
+            slope[s, at + 1] = grow * (u * sx - v * cx)
         return
-    length = table[e, LENGTH]
-    b = table[e, BULGE]
-    u, v = _chord_frame(table, e, px, py)
     # Unit normal right of travel at the foot, in the chord's frame: grad f at the pixel has its direction.
     nu = b * (2.0 * u - length)
     nv = 2.0 * b * v + table[e, FLAT]
-    size = math.hypot(nu, nv)
+    size = math.sqrt(nu * nu + nv * nv)
     if size > 0.0:
         nu /= size
         nv /= size
@@ -329,14 +329,15 @@ def _slope(table, e, px, py, d, where, inside, ramp, out):
     # sdf = d where the inside is left of travel, else -d; on the edge itself (d = 0) the inside counts as left.
     left = (d <= 0.0) == inside or d == 0.0
     grow = (1.0 if left else -1.0) / (2.0 * ramp)  # coverage grows when the edge moves along n
-    nx = nu * table[e, CX] + nv * table[e, SX]
-    ny = nu * table[e, SX] - nv * table[e, CX]
+    nx = grow * (nu * cx + nv * sx)
+    ny = grow * (nu * sx - nv * cx)
     # zeta in complex numbers with the imaginary axis left of the chord: (qu - i qv) / L; n likewise is nx + i ny.
     zr = qu / length
     zi = -qv / length
-    out[2] = grow * (nx * zr + ny * zi)
-    out[3] = grow * (ny * zr - nx * zi)
-    out[0] = grow * nx - out[2]
-    out[1] = grow * ny - out[3]
-    fb = 2.0 * (qu * qu - qu * length + qv * qv) - 2.0 * b * length * qv
-    out[4] = -grow * fb / (2.0 * table[e, RADIUS])
+    end_x = nx * zr + ny * zi
+    end_y = ny * zr - nx * zi
+    slope[s, 0] = nx - end_x
+    slope[s, 1] = ny - end_y
+    slope[s, 2] = end_x
+    slope[s, 3] = end_y
+    slope[s, 4] = -grow * (qu * (qu - length) + qv * qv - b * length * qv) / table[e, RADIUS]

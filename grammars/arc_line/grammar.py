@@ -13,22 +13,25 @@ from d4cad.canvas import Canvas
 from d4cad.errors import GrammarError
 from d4cad.grammars.arc_line.places import DemandPlaces, Places
 from d4cad.grammars.arc_line.repair import compact, repair
-from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, rewrite, touched
+from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, candidates, rewrite, touched
 from d4cad.grammars.arc_line.structure import Shape, Structure, from_shape, parameter_origin, to_shape
 from d4cad.grammars.arc_line.trials import trials
 from d4cad.program import Edit, Floats, Program, Rewrite
+from d4cad.protocols import Trial
 from d4cad.raster.band import Band
 from d4cad.raster.scan import scan
 
 if TYPE_CHECKING:
     from d4cad.sketch import Sketch
 
-RULES = {rule.name.lower().replace("_", "-"): rule for rule in Rule}
-"""Rules by their names."""
+NAMES = {int(rule): rule.name.lower().replace("_", "-") for rule in Rule}
+"""Names of the rules by their numbers, which are what the kernels take."""
+RULES = {name: rule for rule, name in NAMES.items()}
+"""Numbers of the rules by their names."""
 
 GROWTH = {
-    Rule.SPLIT: 1, Rule.SPLIT_LINES: 1, Rule.TO_ARC: 0, Rule.TO_LINE: 0,
-    Rule.MERGE_LINE: -1, Rule.MERGE_ARC: -1, Rule.CLOSE: -1, Rule.ADD_LOOP: 4,
+    Rule.SPLIT: 1.0, Rule.SPLIT_LINES: 1.0, Rule.TO_ARC: 0.0, Rule.TO_LINE: 0.0,
+    Rule.MERGE_LINE: -1.0, Rule.MERGE_ARC: -1.0, Rule.CLOSE: -1.0, Rule.ADD_LOOP: 4.0,
 }  # fmt: skip
 """By how many edges each rule changes a program; removing a loop takes all of its edges."""
 
@@ -68,7 +71,7 @@ class ArcLine:
     def growth(self, program: Program[Structure], rewrite: Rewrite) -> float:
         """Change of the number of edges."""
         rule = RULES[rewrite.rule]
-        return float(-len(rewrite.sites) if rule == Rule.REMOVE_LOOP else GROWTH[rule])
+        return -len(rewrite.sites) if rule == Rule.REMOVE_LOOP else GROWTH[rule]
 
     def rasterize(self, program: Program[Structure], canvas: Canvas) -> Band:
         """Coverage and its derivative by the program's parameters."""
@@ -94,14 +97,13 @@ class ArcLine:
 
     def rewrites(self, program: Program[Structure], demand: Floats, canvas: Canvas, rng: np.random.Generator) -> list[Rewrite]:
         """All rewrites of the enabled rules whose guards allow them."""
-        found = []
         shape = to_shape(program, 1 / self.pixel)
-        prv = _before(shape.nxt)
-        vertices, edges = np.empty(4, np.int64), np.empty(4, np.int64)
-        for rule, site in self._candidates(program.structure, shape, prv):
-            count, _ = touched(rule, site, shape.nxt, prv, len(shape.x), vertices, edges)
-            sites = frozenset({site, *(int(v) for v in vertices[:count] if v < len(shape.x))})
-            found.append(Rewrite(_name(rule), sites, (float(site),)))
+        sizes = np.repeat(program.structure.sizes, program.structure.sizes)
+        rules, sites, marks = candidates(*shape, _before(shape.nxt), sizes, self.lossy)
+        found = []
+        for rule, site, touches in zip(rules.tolist(), sites.tolist(), marks.tolist(), strict=True):
+            if NAMES[rule] in self.rules:
+                found.append(Rewrite(NAMES[rule], frozenset((site, *touches)) - {-1, len(shape.x)}, (float(site),)))
         if "remove-loop" in self.rules and len(program.structure.sizes) > 1:
             start = 0
             for size in program.structure.sizes:
@@ -111,19 +113,6 @@ class ArcLine:
             inside = self.rasterize(program, canvas).coverage
             found += [Rewrite("add-loop", frozenset(), (0.0, *place)) for place in self.places(demand, inside, canvas, rng)]
         return found
-
-    def _candidates(self, structure: Structure, shape: Shape, prv: NDArray[np.int64]) -> list[tuple[Rule, int]]:
-        """Rules at edges and vertices, by their guards."""
-        found: list[tuple[Rule, int]] = []
-        sizes = np.repeat(structure.sizes, structure.sizes)
-        chord = np.hypot(shape.x[shape.nxt] - shape.x, shape.y[shape.nxt] - shape.y)
-        for i, arc in enumerate(structure.arcs):
-            found += [(Rule.SPLIT, i), (Rule.SPLIT_LINES, i), (Rule.TO_LINE, i)] if arc else [(Rule.SPLIT, i), (Rule.TO_ARC, i)]
-            if sizes[i] > 2:
-                found += [(Rule.MERGE_LINE, i), (Rule.MERGE_ARC, i)]
-                if chord[i] <= self.lossy:
-                    found.append((Rule.CLOSE, i))
-        return [(rule, i) for rule, i in found if _name(rule) in self.rules]
 
     def apply(self, program: Program[Structure], rewrites: Sequence[Rewrite]) -> Edit[Structure]:
         """Apply rewrites at disjoint sites, each with its fitted values if it carries some."""
@@ -162,9 +151,9 @@ class ArcLine:
         return data
 
     def local_trials(
-        self, program: Program[Structure], rewrites: Sequence[Rewrite], loss: Any, canvas: Canvas, steps: int
-    ) -> list[tuple[Rewrite, float]]:
-        """Each rewrite with the values that ``steps`` local steps find for it, and the decrease of the loss."""
+        self, program: Program[Structure], rewrites: Sequence[Rewrite], loss: Any, canvas: Canvas, price: float, steps: int
+    ) -> list[Trial]:
+        """Each rewrite with the values that at most ``steps`` local steps find for it, and what it gains."""
         if not rewrites:
             return []
         shape = _on(program, canvas)
@@ -173,17 +162,19 @@ class ArcLine:
         middle = np.array([canvas.width / 2, canvas.height / 2, 0.0])
         data = np.array([[*r.data[1:], 0.0, 0.0, 0.0][:3] for r in rewrites]) / canvas.pixel + middle
         table = loss.table
+        cost = price * np.array([self.growth(program, r) for r in rewrites])
         gain, fit = trials(
-            rules, sites, data, *shape, _before(shape.nxt), table.target, table.runs, table.squares, canvas.ramp, steps
+            rules, sites, data, cost * canvas.size, *shape, _before(shape.nxt), table.target, table.runs, table.squares, canvas.ramp, steps
         )
         scale = canvas.pixel / self.pixel
         fitted = []
-        for k, item in enumerate(rewrites):
-            count = _free(rules[k])
+        for k in np.flatnonzero(gain > 0).tolist():
+            item = rewrites[k]
+            count = _free(int(rules[k]))
             values = fit[k].copy()
             values[: 2 * count : 2] = (values[: 2 * count : 2] - middle[0]) * scale
             values[1 : 2 * count : 2] = (values[1 : 2 * count : 2] - middle[1]) * scale
-            fitted.append((replace(item, fit=values), float(gain[k]) / canvas.size))
+            fitted.append(Trial(replace(item, fit=values), float(gain[k]) / canvas.size))
         return fitted
 
     def outline(self, program: Program[Structure]) -> Sketch:
@@ -224,10 +215,6 @@ def _before(nxt: NDArray[np.int64]) -> NDArray[np.int64]:
     return prv
 
 
-def _name(rule: Rule) -> str:
-    return rule.name.lower().replace("_", "-")
-
-
 def _free(rule: int) -> int:
     """How many vertices a rule may move at most."""
-    return {Rule.ADD_LOOP: 4, Rule.SPLIT: 3, Rule.SPLIT_LINES: 3, Rule.CLOSE: 3}.get(Rule(rule), 2)
+    return {Rule.ADD_LOOP: 4, Rule.SPLIT: 3, Rule.SPLIT_LINES: 3, Rule.CLOSE: 3}.get(rule, 2)

@@ -10,6 +10,7 @@ import math
 from enum import IntEnum
 
 import numba as nb
+import numpy as np
 
 from d4cad.grammars.arc_line.curves import apex, bulge_through, sub_bulge
 
@@ -127,3 +128,76 @@ def touched(rule, site, nxt, prv, n, vertices, edges):
         vertices[2] = nxt[j]
         return 3, 2
     return 0, 0
+
+
+@nb.njit(cache=True)
+def candidates(x, y, b, arc, nxt, prv, sizes, lossy):
+    """Rewrites of edges and vertices that their guards allow, all but those of whole loops.
+
+    x, y, b, arc, nxt, prv: (n,) linked loops in pixels; sizes: (n,) the number of edges of each vertex' loop; lossy: how far (px)
+    a merge may move the outline. Returns rules, sites (k,) and touched (k, 4), the vertices that each may move (-1: none).
+    """
+    n = x.shape[0]
+    rules, sites = np.empty(6 * n, np.int64), np.empty(6 * n, np.int64)
+    marks = np.full((6 * n, 4), -1)
+    edges = np.empty(4, np.int64)
+    vertices = np.empty(4, np.int64)
+    k = 0
+    for i in range(n):
+        j, p = nxt[i], prv[i]
+        for rule in (Rule.SPLIT, Rule.SPLIT_LINES, Rule.TO_LINE, Rule.TO_ARC, Rule.MERGE_LINE, Rule.MERGE_ARC, Rule.CLOSE):
+            if (rule == Rule.SPLIT_LINES or rule == Rule.TO_LINE) and not arc[i]:
+                continue
+            if rule == Rule.TO_ARC and arc[i]:
+                continue
+            if rule == Rule.MERGE_LINE or rule == Rule.MERGE_ARC or rule == Rule.CLOSE:
+                if sizes[i] <= 2:
+                    continue
+            if rule == Rule.TO_LINE and abs(b[i]) * math.hypot(x[j] - x[i], y[j] - y[i]) > 2.0 * lossy:
+                continue
+            if rule == Rule.MERGE_LINE and not _near_line(x, y, b, p, i, j, lossy):
+                continue
+            if rule == Rule.MERGE_ARC and not _near_arc(x, y, b, p, i, j, lossy):
+                continue
+            if rule == Rule.CLOSE and math.hypot(x[j] - x[i], y[j] - y[i]) > lossy:
+                continue
+            count, _ = touched(rule, i, nxt, prv, n, vertices, edges)
+            rules[k], sites[k] = rule, i
+            for c in range(count):
+                marks[k, c] = vertices[c]
+            k += 1
+    return rules[:k], sites[:k], marks[:k]
+
+
+@nb.njit(cache=True)
+def _near_line(x, y, b, p, i, j, lossy):
+    """Whether the line p-j stays near both edges at vertex i: the triangle's least height and the edges' sagittas.
+
+    The least height, not the distance to the line, so that a spike folded back on itself counts as near.
+    """
+    first, second = math.hypot(x[i] - x[p], y[i] - y[p]), math.hypot(x[j] - x[i], y[j] - y[i])
+    if 0.5 * max(abs(b[p]) * first, abs(b[i]) * second) > lossy:
+        return False
+    longest = max(first, second, math.hypot(x[j] - x[p], y[j] - y[p]))
+    area2 = abs((x[i] - x[p]) * (y[j] - y[p]) - (x[j] - x[p]) * (y[i] - y[p]))
+    return area2 <= lossy * longest
+
+
+@nb.njit(cache=True)
+def _near_arc(x, y, b, p, i, j, lossy):
+    """Whether the arc through p, i and j stays near both edges: between the vertices, their apexes against its own."""
+    whole = bulge_through(x[p], y[p], x[i], y[i], x[j], y[j])
+    first, second = math.hypot(x[i] - x[p], y[i] - y[p]), math.hypot(x[j] - x[i], y[j] - y[i])
+    if first + second == 0.0:
+        return True
+    # Sub-arcs of the whole circle over both chords: half sweeps h with r sin(h) = chord / 2.
+    chord = math.hypot(x[j] - x[p], y[j] - y[p])
+    if abs(whole) < 1e-9:
+        return 0.5 * max(abs(b[p]) * first, abs(b[i]) * second) <= lossy
+    r = max(chord * (1.0 + whole * whole) / (4.0 * abs(whole)), 0.5 * first, 0.5 * second)
+    sign = 1.0 if whole > 0.0 else -1.0
+    for c, bulge in ((first, b[p]), (second, b[i])):
+        minor = sign * math.tan(0.5 * math.asin(min(1.0, 0.5 * c / r)))
+        if 0.5 * c * abs(bulge - minor) > lossy and 0.5 * c * abs(bulge - (1.0 / minor if minor != 0.0 else 0.0)) > lossy:
+            return False
+    return True

@@ -20,6 +20,8 @@ MARGIN = 4.0
 """Pixels that the window extends beyond the affected edges and their ramp."""
 REACH = 6.0
 """The longest step of a vertex (px) in one Levenberg-Marquardt step."""
+HOPE = 2.0
+"""How many times its last step's progress each remaining step of a trial may make."""
 MOST_FREE = 20
 """At most 4 vertices of 2 coordinates, their 4 + 4 edges' bulges, and some room."""
 
@@ -78,8 +80,11 @@ def _error(target, runs, squares, band, r0, r1, c0, c1):
 
 
 @nb.njit(cache=True)
-def _trial(rule, site, data, shape, room, target, runs, squares, ramp, steps, fit):
-    """Gain of one rewrite, the decrease of the squared error; puts its parameters in ``fit`` (MOST_FREE,).
+def _trial(rule, site, data, cost, shape, room, target, runs, squares, ramp, steps, fit):
+    """Gain of one rewrite, the decrease of the squared error less ``cost``; puts its parameters in ``fit`` (MOST_FREE,).
+
+    Ends early, with a loss, when even no error at all in the window would not pay for it, or when a step's progress leaves
+    no hope for the remaining ones.
 
     shape: the base (x, y, b, arc, nxt, prv), (n,) each; room: the same with NEW_VERTICES more, overwritten.
     """
@@ -138,10 +143,12 @@ def _trial(rule, site, data, shape, room, target, runs, squares, ramp, steps, fi
     c1 = min(math.ceil(min(box[2], float(width)) + pad), width)
     r1 = min(math.ceil(min(box[3], float(height)) + pad), height)
     if r1 <= r0 or c1 <= c0:
-        return 0.0
+        return -1.0
 
     band = scan(shape[0], shape[1], shape[2], shape[4], r0, r1, c0, c1, ramp)
-    base = _error(target, runs, squares, band, r0, r1, c0, c1)
+    base = _error(target, runs, squares, band, r0, r1, c0, c1) - cost
+    if base <= 0.0:
+        return base
     x, y, b, nxt = x[:used], y[:used], b[:used], nxt[:used]
     band = scan(x, y, b, nxt, r0, r1, c0, c1, ramp)
     value = _error(target, runs, squares, band, r0, r1, c0, c1)
@@ -153,7 +160,7 @@ def _trial(rule, site, data, shape, room, target, runs, squares, ramp, steps, fi
         before[k] = b[bulges[k]] if k >= 2 * free else (x[vertices[k // 2]] if k % 2 == 0 else y[vertices[k // 2]])
     damping = 1e-3
     fresh = True
-    for _ in range(steps if size > 0 else 0):
+    for taken in range(steps if size > 0 else 0):
         if fresh:
             matrix[:] = 0.0
             gradient[:] = 0.0
@@ -178,6 +185,8 @@ def _trial(rule, site, data, shape, room, target, runs, squares, ramp, steps, fi
         tried = scan(x, y, b, nxt, r0, r1, c0, c1, ramp)
         new = _error(target, runs, squares, tried, r0, r1, c0, c1)
         if new < value:
+            if taken > 0 and new - HOPE * (steps - taken) * (value - new) > base:
+                return base - new
             fresh = True
             value, band = new, tried
             damping = max(0.1 * damping, 1e-9)
@@ -191,12 +200,12 @@ def _trial(rule, site, data, shape, room, target, runs, squares, ramp, steps, fi
 
 
 @nb.njit(cache=True)
-def trials(rules, sites, data, x, y, b, arc, nxt, prv, target, runs, squares, ramp, steps):
+def trials(rules, sites, data, costs, x, y, b, arc, nxt, prv, target, runs, squares, ramp, steps):
     """Try rewrites one by one on the same base.
 
-    rules, sites: (k,) int64; data: (k, 3); x, y, b, arc, nxt, prv: (n,) the base in pixels; target (height, width) with
+    rules, sites: (k,) int64; data: (k, 3); costs: (k,) the squared error each must earn; x, y, b, arc, nxt, prv: (n,) the base in pixels; target (height, width) with
     its row sums ``runs`` and ``squares`` (height, width + 1) of 1 - 2 t and t^2. Returns gain (k,), the decrease of the
-    squared error, and fit (k, MOST_FREE): x, y of the touched vertices, then the bulges of the own arcs.
+    squared error less the cost, and fit (k, MOST_FREE): x, y of the touched vertices, then the bulges of the own arcs.
     """
     count, n = rules.shape[0], x.shape[0]
     gain = np.empty(count)
@@ -208,5 +217,5 @@ def trials(rules, sites, data, x, y, b, arc, nxt, prv, target, runs, squares, ra
         np.empty(more, np.bool_), np.empty(more, np.int64), np.empty(more, np.int64),
     )  # fmt: skip
     for k in range(count):
-        gain[k] = _trial(rules[k], sites[k], data[k], shape, room, target, runs, squares, ramp, steps, fit[k])
+        gain[k] = _trial(rules[k], sites[k], data[k], costs[k], shape, room, target, runs, squares, ramp, steps, fit[k])
     return gain, fit
