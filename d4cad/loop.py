@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil, isfinite
+from math import isfinite
 
 import numpy as np
 
@@ -126,26 +126,28 @@ class Loop:
         return np.asarray(windings(self.edges, z) != 0)
 
     def polygon(self, tolerance: float) -> Floats:
-        """Vertices (m, 2) of a polygon whose corners lie on the loop and whose sides are within ``tolerance`` of it.
+        """Vertices (m, 2) of a polygon whose corners lie on the loop and whose sides are within ``tolerance`` of it."""
+        return np.concatenate([trace[:-1] for trace in self.traces(tolerance)])
 
-        A chord over the angle a of a circle of radius R is R (1 - cos(a / 2)) from it at most; no side spans more
-        than 60 degrees, so that a circle stays a polygon for any tolerance.
+    def traces(self, tolerance: float) -> list[Floats]:
+        """Each edge as points (m, 2) on it, ends included, no chord between them further than ``tolerance`` from it.
+
+        A chord over the angle a of a circle of radius R is R (1 - cos(a / 2)) = 2 R sin(a / 4)^2 from it; none spans
+        more than 60 degrees, so that a circle stays a polygon for any tolerance.
         """
         if not tolerance > 0:
             raise GeometryError(f"the tolerance of a polygon must be positive, got {tolerance}")
         e = self.edges
+        curvature = 4 * np.abs(e.b) / ((1 + e.b**2) * np.maximum(chords(e), np.finfo(float).tiny))
+        step = np.minimum(4 * np.arcsin(np.sqrt(np.minimum(tolerance * curvature / 2, 1.0))), np.pi / 3)
         sweep = 4 * np.arctan(np.abs(e.b))
-        with np.errstate(divide="ignore"):
-            radius = np.where(e.b == 0, np.inf, chords(e) * (1 + e.b**2) / (4 * np.abs(e.b)))
-        step = np.minimum(4 * np.arcsin(np.sqrt(np.minimum(tolerance / (2 * radius), 1.0))), np.pi / 3)
-        count = [max(1, ceil(s / a)) if s > 0 else 1 for s, a in zip(sweep, step, strict=True)]
-        pieces = []
-        for i, n in enumerate(count):
-            z = points_along(e.take(slice(i, i + 1)), np.arange(n) / n)
-            z[0] = e.z0[i]
-            pieces.append(z)
-        z = np.concatenate(pieces)
-        return np.stack([z.real, z.imag], axis=1)
+        count = np.ceil(np.divide(sweep, step, out=np.ones_like(sweep), where=step > 0)).clip(1).astype(int)
+        traces = []
+        for i, n in enumerate(count.tolist()):
+            z = points_along(e.take(slice(i, i + 1)), np.arange(n + 1) / n)
+            z[0], z[-1] = e.z0[i], e.z1[i]
+            traces.append(np.stack([z.real, z.imag], axis=1))
+        return traces
 
 
 def checked(loop: Loop, name: str) -> Loop:

@@ -1,0 +1,153 @@
+"""Exact faces and solids in OpenCASCADE, through its Python binding OCP alone.
+
+OCP comes with build123d or with CadQuery and costs a second to import, so every import is inside a function. Only
+gp, BRepBuilderAPI and friends are used: TopTools and TColgp collections do not exist in every version.
+Shapes are OCP's own TopoDS objects, typed Any because OCP carries no usable types.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from math import isfinite
+from typing import Any
+
+from d4cad.errors import ExportError, InputError
+from d4cad.loop import Circle, Loop
+from d4cad.sketch import Face, Sketch
+
+FLATTEST = 1e7
+"""Radius in mm above which an arc is passed on as a line: rounding there is as large as CONFUSION."""
+
+CONFUSION = 1e-7
+"""OpenCASCADE's tolerance in mm: an arc with less sagitta is a line to it."""
+
+
+def require_kernel() -> None:
+    """Raises ExportError if no CAD kernel is installed."""
+    try:
+        import_module("OCP.gp")
+    except ImportError as error:
+        raise ExportError(
+            "STEP needs a CAD kernel: pip install 'd4cad[build123d]' or pip install 'd4cad[cadquery]'"
+        ) from error
+
+
+def require_thickness(thickness: float | None) -> float:
+    """The thickness in mm. Raises InputError unless it is positive and finite."""
+    if thickness is None or not (isfinite(thickness) and thickness > 0):
+        given = "none" if thickness is None else f"{thickness:g}"
+        raise InputError(f"a solid needs a positive, finite thickness in mm, got {given}")
+    return float(thickness)
+
+
+def require_mm(sketch: Sketch) -> None:
+    """Raises InputError unless the sketch has faces and is in mm."""
+    if sketch.unit != "mm":
+        raise InputError(f"a CAD file is in mm but this sketch is in {sketch.unit!r} units: scale it first")
+    if not sketch.faces:
+        raise InputError("an empty sketch cannot be written: it has no faces")
+
+
+def faces(sketch: Sketch) -> list[Any]:
+    """One TopoDS_Face in the plane z = 0, normal +z, for each face of a sketch in mm.
+
+    Neighbouring edges share their vertex; full circles are one closed edge, so that extruding gives one cylinder.
+    Raises ExportError if there is no kernel or it refuses.
+    """
+    require_kernel()
+    require_mm(sketch)
+    return [_face(face) for face in sketch.faces]
+
+
+def solids(sketch: Sketch, thickness: float) -> list[Any]:
+    """One valid TopoDS_Solid for each face, from z = 0 up to ``thickness`` mm.
+
+    Raises InputError for a thickness that is not positive, ExportError if the kernel is missing or its result invalid.
+    """
+    height = require_thickness(thickness)
+    flat = faces(sketch)
+    gp, prism = import_module("OCP.gp"), import_module("OCP.BRepPrimAPI")
+    up = gp.gp_Vec(0.0, 0.0, height)
+    found = [prism.BRepPrimAPI_MakePrism(face, up).Shape() for face in flat]
+    for k, solid in enumerate(found):
+        if not is_valid(solid):
+            x, y = sketch.faces[k].outer.points[0]
+            raise ExportError(f"the CAD kernel finds solid {k} at ({x:g}, {y:g}) mm invalid")
+    return found
+
+
+def compound(shapes: list[Any]) -> Any:
+    """The shape itself if there is one, a TopoDS_Compound of them otherwise."""
+    if len(shapes) == 1:
+        return shapes[0]
+    brep, topods = import_module("OCP.BRep"), import_module("OCP.TopoDS")
+    builder, whole = brep.BRep_Builder(), topods.TopoDS_Compound()
+    builder.MakeCompound(whole)
+    for shape in shapes:
+        builder.Add(whole, shape)
+    return whole
+
+
+def is_valid(shape: Any) -> bool:
+    """Whether OpenCASCADE's topology and geometry check passes."""
+    return bool(import_module("OCP.BRepCheck").BRepCheck_Analyzer(shape).IsValid())
+
+
+def volume(shape: Any) -> float:
+    """Volume in mm^3, by the kernel's own integration of the faces."""
+    properties = import_module("OCP.GProp").GProp_GProps()
+    import_module("OCP.BRepGProp").BRepGProp.VolumeProperties_s(shape, properties)
+    return float(properties.Mass())
+
+
+def _face(face: Face) -> Any:
+    gp, api = import_module("OCP.gp"), import_module("OCP.BRepBuilderAPI")
+    plane = gp.gp_Pln(gp.gp_Pnt(0, 0, 0), gp.gp_Dir(0, 0, 1))
+    maker = api.BRepBuilderAPI_MakeFace(plane, _wire(face.outer), True)
+    for hole in face.holes:
+        maker.Add(_wire(hole))
+    if not maker.IsDone():
+        x, y = face.outer.points[0]
+        raise ExportError(f"the CAD kernel made no face of the loop at ({x:g}, {y:g}) mm")
+    return maker.Face()
+
+
+def _wire(loop: Loop) -> Any:
+    gp, api = import_module("OCP.gp"), import_module("OCP.BRepBuilderAPI")
+    maker = api.BRepBuilderAPI_MakeWire()
+    circle = loop.circle
+    if circle is not None:
+        maker.Add(api.BRepBuilderAPI_MakeEdge(_circle(circle, loop.bulges[0] > 0)).Edge())
+        return maker.Wire()
+    vertices = [api.BRepBuilderAPI_MakeVertex(gp.gp_Pnt(x, y, 0)).Vertex() for x, y in loop.points]
+    for i in range(len(vertices)):
+        maker.Add(_edge(loop, i, vertices))
+    if not maker.IsDone():
+        x, y = loop.points[0]
+        raise ExportError(f"the CAD kernel could not close the loop at ({x:g}, {y:g}) mm")
+    return maker.Wire()
+
+
+def _edge(loop: Loop, i: int, vertices: list[Any]) -> Any:
+    api = import_module("OCP.BRepBuilderAPI")
+    j = (i + 1) % len(vertices)
+    (x0, y0), (x1, y1), b = loop.points[i], loop.points[j], loop.bulges[i]
+    chord = ((x1 - x0) ** 2 + (y1 - y0) ** 2) ** 0.5
+    if abs(b) * chord / 2 < CONFUSION or chord * (1 + b * b) > 4 * abs(b) * FLATTEST:
+        maker = api.BRepBuilderAPI_MakeEdge(vertices[i], vertices[j])
+    else:
+        radius = chord * (1 + b * b) / (4 * abs(b))
+        lift = (1 - b * b) / (4 * b)  # the centre is this share of the chord to the left of its middle
+        center = ((x0 + x1) / 2 - lift * (y1 - y0), (y0 + y1) / 2 + lift * (x1 - x0))
+        maker = api.BRepBuilderAPI_MakeEdge(_circle(Circle(center, radius), b > 0), vertices[i], vertices[j])
+    if not maker.IsDone():
+        raise ExportError(f"the CAD kernel made no edge from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) mm, bulge {b:g}")
+    return maker.Edge()
+
+
+def _circle(circle: Circle, counter_clockwise: bool) -> Any:
+    """A gp_Circ in z = 0 whose axis points up, or down for a clockwise one."""
+    gp = import_module("OCP.gp")
+    axis = gp.gp_Dir(0, 0, 1 if counter_clockwise else -1)
+    x, y = circle.center
+    return gp.gp_Circ(gp.gp_Ax2(gp.gp_Pnt(x, y, 0), axis, gp.gp_Dir(1, 0, 0)), circle.radius)

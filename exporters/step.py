@@ -1,0 +1,99 @@
+"""STEP files: one solid per island, planes and cylinders only."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from d4cad.errors import ExportError
+from d4cad.exporters.occ import compound, solids
+from d4cad.files import replacing
+from d4cad.sketch import Sketch
+
+TIMESTAMP = "2000-01-01T00:00:00"
+"""Written in place of the time of day, so that the same part is the same file."""
+
+SCHEMAS = {"AP214": "AP214IS", "AP242": "AP242DIS"}
+
+
+def write_step(
+    sketch: Sketch, path: str | Path, *, thickness: float, name: str = "part", schema: str = "AP214"
+) -> None:
+    """Writes the sketch (mm), extruded from z = 0 to ``thickness`` mm, as a STEP file whose bytes are reproducible.
+
+    ``name``: the product's. ``schema``: AP214, or AP242. Raises InputError for a bad thickness or unit, ExportError
+    if the kernel is missing or fails, or the file cannot be written.
+    """
+    if schema not in SCHEMAS:
+        raise ExportError(f"unknown STEP schema {schema!r}: known are {', '.join(SCHEMAS)}")
+    shape = compound(solids(sketch, thickness))
+    with replacing(path) as temporary:
+        _transfer(shape, temporary, schema)
+        text = temporary.read_text(encoding="utf-8")
+        temporary.write_text(_settled(text, name), encoding="utf-8")
+
+
+def _transfer(shape: Any, path: Path, schema: str) -> None:
+    control, status = import_module("OCP.STEPControl"), import_module("OCP.IFSelect")
+    writer = control.STEPControl_Writer()  # first: it defines the settings
+    done = status.IFSelect_ReturnStatus.IFSelect_RetDone
+    with _settings(SCHEMAS[schema]), _quiet():
+        writer.Model(True)  # a new model, so that the schema applies to it
+        if writer.Transfer(shape, control.STEPControl_StepModelType.STEPControl_AsIs) != done:
+            raise ExportError("the CAD kernel could not turn the part into STEP entities")
+        if writer.Write(str(path)) != done:
+            raise ExportError("the CAD kernel could not write the STEP file")
+
+
+@contextmanager
+def _settings(schema: str) -> Iterator[None]:
+    """The kernel's global settings as we need them, put back afterwards for the user's own exports."""
+    static = import_module("OCP.Interface").Interface_Static
+    # one product for all islands; no parametric curves: planes and cylinders need none, and the file is a third
+    wanted = {
+        "write.step.schema": schema,
+        "write.step.unit": "MM",
+        "write.step.assembly": "0",
+        "write.surfacecurve.mode": "0",
+    }
+    before = {key: static.CVal_s(key) for key in wanted}
+    try:
+        for key, value in wanted.items():
+            static.SetCVal_s(key, value)
+        yield
+    finally:
+        for key, value in before.items():
+            static.SetCVal_s(key, value)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keeps the kernel from printing statistics on standard output."""
+    message = import_module("OCP.Message")
+    printers = list(message.Message.DefaultMessenger_s().Printers())
+    before = [printer.GetTraceLevel() for printer in printers]
+    try:
+        for printer in printers:
+            printer.SetTraceLevel(message.Message_Gravity.Message_Fail)
+        yield
+    finally:
+        for printer, level in zip(printers, before, strict=True):
+            printer.SetTraceLevel(level)
+
+
+def _settled(text: str, name: str) -> str:
+    """The file with our product name, and without the time of day and the kernel's running number of products."""
+    text = re.sub(r"(FILE_NAME\s*\(\s*'(?:[^']|'')*'\s*,\s*)'[^']*'", rf"\g<1>'{TIMESTAMP}'", text, count=1)
+    text = re.sub(r"(FILE_NAME\s*\(\s*)'(?:[^']|'')*'", lambda m: f"{m[1]}'{encoded(name)}'", text, count=1)
+    counter = r"(PRODUCT\s*\(\s*)'(?:[^']|'')*'\s*,\s*'(?:[^']|'')*'"
+    return re.sub(counter, lambda m: f"{m[1]}'{encoded(name)}','{encoded(name)}'", text)
+
+
+def encoded(text: str) -> str:
+    r"""``text`` as the inside of a STEP string (ISO 10303-21): quotes doubled, other alphabets as \X2\ hex \X0\."""
+    safe = text.replace("\\", "\\\\").replace("'", "''")
+    return re.sub(r"[^\x20-\x7e]+", lambda m: f"\\X2\\{m[0].encode('utf-16-be').hex().upper()}\\X0\\", safe)
