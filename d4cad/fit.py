@@ -1,0 +1,376 @@
+"""From a picture to a fitted program: what the command line does, as functions."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from math import inf, isfinite, log10, sqrt
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from d4cad import exporters, io
+from d4cad.canvas import Canvas
+from d4cad.descent import Record, Stop, descend
+from d4cad.errors import D4cadError, ExportError, InputError
+from d4cad.exporters import preview
+from d4cad.exporters.svg import svg
+from d4cad.files import check_writable
+from d4cad.images import load
+from d4cad.objectives.image import ImageLoss
+from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
+from d4cad.program import Floats, Program
+from d4cad.protocols import Grammar
+from d4cad.registry import entry, make_grammar, make_method
+from d4cad.sketch import Sketch
+
+PICTURE_RAMP = 0.5
+"""Half-width in pixels of the ramp for pictures: nearest to the area coverage that renderers make."""
+
+JOINING = (1e-4, 0.05)
+"""Least and largest tolerance in pixels within which neighbouring edges are joined."""
+
+Watch = Callable[[Record], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted program and how it was found.
+
+    psnr: dB of its coverage against the target. outline: its exact outline in world units, neighbours on one line or
+    circle joined. seconds, wall: CPU and elapsed seconds of the optimisation. settings: what was asked for, as JSON
+    values. made: size and origin that the picture or the program file states. target: (height, width) coverage, row 0
+    lowest; None if the fit came from a program file.
+    """
+
+    program: Program[Any]
+    canvas: Canvas
+    grammar: Grammar[Any]
+    psnr: float
+    outline: Sketch
+    history: tuple[Record, ...]
+    stop: Stop
+    seconds: float
+    wall: float
+    settings: Mapping[str, Any]
+    made: Placement = field(default_factory=Placement)
+    target: Floats | None = None
+
+    @property
+    def primitives(self) -> int:
+        """Number of lines and arcs of the outline, a full circle counting two."""
+        return self.outline.primitives
+
+    @property
+    def coverage(self) -> Floats:
+        """Coverage of the program on its canvas, (height, width), row 0 lowest."""
+        return self.grammar.rasterize(self.program, self.canvas).coverage
+
+    def placement(
+        self,
+        width: float | None = None,
+        scale: float | None = None,
+        dpi: float | None = None,
+        origin: str | None = None,
+        thickness: float | None = None,
+    ) -> Placement:
+        """What is given, and for the rest what the picture or the program file states."""
+        origin = self.made.origin if origin is None else origin
+        given = Placement(width, scale, dpi, origin, self.made.thickness if thickness is None else thickness)
+        return given if given.sized else replace(given, scale=self.made.scale, dpi=self.made.dpi)
+
+    def sketch(
+        self,
+        width: float | None = None,
+        scale: float | None = None,
+        dpi: float | None = None,
+        origin: str | None = None,
+    ) -> Sketch:
+        """The part's outline in mm, y up.
+
+        At most one of width: the part's extent in x, in mm; scale: mm per pixel; dpi: pixels per inch. Without one the
+        picture's own resolution counts, or 96 dpi. origin: "corner" or "center" of the part's bounding box at (0, 0).
+        """
+        return self.placement(width, scale, dpi, origin).place(self.outline, self.canvas)
+
+    def notes(self, placement: Placement, *, solid: bool) -> tuple[str, ...]:
+        """What was assumed for a part so placed, a sentence each; ``solid``: whether a thickness matters."""
+        found = []
+        if not placement.sized:
+            found.append(f"the picture states no resolution and no size was given: {DEFAULT_DPI:g} dpi assumed")
+        if solid and placement.thickness is None:
+            found.append(f"no thickness was given: {DEFAULT_THICKNESS:g} mm assumed")
+        return tuple(found)
+
+    def save(
+        self,
+        path: str | PathLike[str],
+        *,
+        thickness: float | None = None,
+        width: float | None = None,
+        scale: float | None = None,
+        dpi: float | None = None,
+        origin: str | None = None,
+    ) -> None:
+        """Write what the extension says: .json the program file, .step .stp .brep .stl a solid of ``thickness`` mm,
+        .svg a drawing of the outline, .png a preview.
+
+        Size and origin as for :meth:`sketch`. Raises InputError for a bad number, ExportError if the file cannot be
+        written; nothing is left behind then.
+        """
+        self.write(Path(path), self.placement(width, scale, dpi, origin, thickness))
+
+    def write(self, path: Path, placement: Placement) -> None:
+        """As :meth:`save`, with the placement given as one value."""
+        check_output(path, has_picture=self.target is not None)
+        suffix = path.suffix.lower()
+        if suffix == ".png":
+            self.write_preview(path)
+            return
+        sketch = placement.place(self.outline, self.canvas)
+        if suffix == ".json":
+            io.write(path, self.document(sketch, placement))
+        else:
+            exporters.write(sketch, path, thickness=placement.thickness or DEFAULT_THICKNESS)
+
+    def write_preview(self, path: str | PathLike[str]) -> None:
+        """Write target, outline with vertices, and error as .png or .svg. Raises ExportError."""
+        if self.target is None:
+            raise ExportError(f"cannot write {path}: a preview needs the picture, and a program file has none")
+        title = f"{self.settings.get('picture', 'picture')}: {self.primitives} primitives, {self.psnr:.1f} dB"
+        preview.write_preview(Path(path), self.outline, self.canvas, self.target, self.coverage, title)
+
+    def document(
+        self, sketch: Sketch | None = None, placement: Placement | None = None, extra: Mapping[str, Any] | None = None
+    ) -> io.ProgramFile:
+        """The program file's contents: its loops those of ``sketch``, by default the outline in world units."""
+        place = {} if placement is None else {key: value for key, value in asdict(placement).items() if value is not None}
+        loops = self.outline if sketch is None else sketch
+        return io.ProgramFile(
+            grammar=self.grammar.name,
+            structure=self.grammar.encode(self.program.structure),
+            params=tuple(self.program.params.tolist()),
+            canvas=self.canvas,
+            settings={**self.settings, "placement": place},
+            history=tuple(asdict(record) for record in self.history),
+            stop=self.stop.name.lower(),
+            psnr=self.psnr,
+            primitives=self.primitives,
+            unit=loops.unit,
+            loops=loops.to_neutral(),
+            extra={"cpu_s": self.seconds, "wall_s": self.wall, **(extra or {})},
+        )
+
+    def _repr_svg_(self) -> str:
+        return svg(self.sketch())
+
+
+def fit_image(
+    image: str | PathLike[str] | NDArray[Any],
+    *,
+    method: str = "fast",
+    grammar: str = "arc-line",
+    init: str | PathLike[str] | Fit = "axiom",
+    seed: int = 0,
+    max_time: float | None = None,
+    threshold: float | None = None,
+    invert: bool = False,
+    watch: Watch | None = None,
+    ramp: float | None = None,
+) -> Fit:
+    """Fit a program to a picture.
+
+    image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". init: "axiom", or a
+    program file or fit to go on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture binary.
+    invert: exchange shape and ground. watch: called with a Record after every round. ramp: half-width in pixels of the
+    picture's edges; None for a picture like any other, 1/sqrt(2) for the paper's exact raster.
+    Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
+    """
+    _check_request(seed, max_time, ramp)
+    start = _start(init, grammar)
+    picture = load(image, threshold=threshold, invert=invert)
+    canvas = Canvas.for_image(picture.target.shape, ramp or PICTURE_RAMP)
+    fit = fit_coverage(
+        picture.target,
+        canvas,
+        method=method,
+        grammar=grammar,
+        init="axiom" if start is None else start,
+        seed=seed,
+        max_time=max_time,
+        watch=watch,
+        floor=noise_floor(canvas, picture.noise, exact=ramp is not None),
+    )
+    asked = {"picture": picture.name, "threshold": threshold, "invert": invert}
+    return replace(fit, settings={**asked, **fit.settings}, made=Placement(dpi=picture.dpi))
+
+
+def fit_coverage(
+    target: Floats,
+    canvas: Canvas,
+    *,
+    method: str = "fast",
+    grammar: str = "arc-line",
+    init: str | PathLike[str] | Fit = "axiom",
+    seed: int = 0,
+    max_time: float | None = None,
+    watch: Watch | None = None,
+    floor: float | None = None,
+) -> Fit:
+    """Fit a program to coverage on a canvas: (height, width) in [0, 1], row 0 lowest.
+
+    floor: the last price of a primitive for method "fast", in summed squared error; None if the target is an exact
+    raster by the canvas' own edge model. The rest as for :func:`fit_image`.
+    """
+    _check_request(seed, max_time)
+    if target.shape != canvas.shape:
+        raise InputError(f"expected a target of shape {canvas.shape}, got {target.shape}")
+    start = _start(init, grammar)
+    floor = noise_floor(canvas, 0.0, exact=True) if floor is None else floor
+    language, settings = make_grammar(grammar, method, canvas), make_method(method, canvas, floor)
+    cpu, wall = time.process_time(), time.perf_counter()
+    found = descend(
+        language.axiom(canvas) if start is None else start.program,
+        language,
+        ImageLoss.of(target),
+        canvas,
+        settings,
+        np.random.default_rng(seed),
+        None if watch is None else lambda record, _: watch(record),
+        inf if max_time is None else max_time,
+    )
+    cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+    coverage = language.rasterize(found.program, canvas).coverage
+    error = float(np.mean((coverage - target) ** 2))
+    return Fit(
+        program=found.program,
+        canvas=canvas,
+        grammar=language,
+        psnr=decibels(error),
+        outline=joined_outline(language, found.program, canvas, error),
+        history=found.history,
+        stop=found.stop,
+        seconds=cpu,
+        wall=wall,
+        settings={"method": method, "seed": seed, "init": "axiom" if start is None else "program", "max_time": max_time},
+        target=target,
+    )
+
+
+def load_program(path: str | PathLike[str]) -> Fit:
+    """The fit that a program file holds, its target excepted. Raises InputError, which names the file."""
+    file = io.read(path)
+    try:
+        return _decoded(file)
+    except D4cadError as error:
+        raise InputError(f"{path} is not a usable program file: {error}") from None
+
+
+def _decoded(file: io.ProgramFile) -> Fit:
+    found = entry(file.grammar)
+    grammar = found.fast(file.canvas)
+    structure = grammar.decode(file.structure)
+    if len(file.params) != found.size(structure):
+        raise InputError(f"its structure has {found.size(structure)} parameters, but its params are {len(file.params)}")
+    if file.stop.upper() not in Stop.__members__:
+        raise InputError(f"its stop is {file.stop!r}, expected one of {', '.join(Stop.__members__).lower()}")
+    program = Program(structure, np.array(file.params))
+    return Fit(
+        program=program,
+        canvas=file.canvas,
+        grammar=grammar,
+        psnr=file.psnr,
+        outline=joined_outline(grammar, program, file.canvas, 10 ** (-file.psnr / 10)),
+        history=tuple(Record(**record) for record in file.history),  # type: ignore[arg-type]
+        stop=Stop[file.stop.upper()],
+        seconds=_seconds(file.extra, "cpu_s"),
+        wall=_seconds(file.extra, "wall_s"),
+        settings={key: value for key, value in file.settings.items() if key != "placement"},
+        made=_placement(file.settings.get("placement", {})),
+    )
+
+
+def _seconds(extra: Mapping[str, Any], key: str) -> float:
+    value = extra.get(key, 0.0)
+    return float(value) if isinstance(value, (int, float)) else 0.0
+
+
+def _placement(value: object) -> Placement:
+    known = {f.name for f in fields(Placement)}
+    if not isinstance(value, dict) or not set(value) <= known:
+        raise InputError(f"its placement is not an object with some of {', '.join(sorted(known))}")
+    for key, x in value.items():
+        if not isinstance(x, str if key == "origin" else (int, float)) or isinstance(x, bool):
+            raise InputError(f"its placement has a wrong {key}: {x!r}")
+    return Placement(**value)
+
+
+def joined_outline(grammar: Grammar[Any], program: Program[Any], canvas: Canvas, error: float) -> Sketch:
+    """The program's outline in world units, with neighbours on one line or circle made one edge.
+
+    error: mean squared error of the coverage. An edge may move by no more than the fit is off already: d pixels off
+    change the coverage of a boundary pixel by d / (2 ramp).
+    """
+    coverage = grammar.rasterize(program, canvas).coverage
+    band = max(int(np.count_nonzero((coverage > 0) & (coverage < 1))), 1)
+    off = 2 * canvas.ramp * sqrt(error * canvas.size / band)
+    low, high = JOINING
+    return grammar.outline(program).simplified(min(max(off, low), high) * canvas.pixel)
+
+
+def decibels(error: float) -> float:
+    """Peak signal-to-noise ratio of a mean squared error, at most 300 dB."""
+    return -10 * log10(max(error, 1e-30))
+
+
+def noise_floor(canvas: Canvas, noise: float, *, exact: bool) -> float:
+    """What a primitive must gain at least, in summed squared error, not to fit noise.
+
+    noise: standard deviation per pixel. exact: whether the picture's edges are the canvas' own model to rounding; else
+    they are some renderer's, in 8 bits.
+    """
+    rounding = 1e-9 * canvas.size
+    return max(rounding if exact else 0.065, 125 * noise**2)
+
+
+def _check_request(seed: int, max_time: float | None, ramp: float | None = None) -> None:
+    if seed < 0:
+        raise InputError(f"the seed must be 0 or more, got {seed}")
+    for name, value in (("time limit", max_time), ("ramp", ramp)):
+        if value is not None and not (isfinite(value) and value > 0):
+            raise InputError(f"the {name} must be a positive number, got {value:g}")
+
+
+def _start(init: str | PathLike[str] | Fit, grammar: str) -> Fit | None:
+    """The fit to go on from; None for the axiom."""
+    if init == "axiom":
+        return None
+    start = init if isinstance(init, Fit) else load_program(init)
+    if start.grammar.name != grammar:
+        raise InputError(f"the program to start from is in the grammar {start.grammar.name}, expected {grammar}")
+    return start
+
+
+OUTPUTS = (".json", ".png", *exporters.EXTENSIONS)
+
+
+def check_output(path: Path, *, has_picture: bool) -> None:
+    """Raises ExportError, one sentence, if :meth:`Fit.save` clearly cannot write ``path``; leaves nothing behind."""
+    suffix = path.suffix.lower()
+    if suffix not in OUTPUTS:
+        raise ExportError(f"cannot write {path}: known extensions are {' '.join(OUTPUTS)}, got {suffix or 'none'}")
+    if suffix == ".png" and not has_picture:
+        raise ExportError(f"cannot write {path}: a preview needs the picture, and a program file has none")
+    if suffix in (".json", ".png"):
+        check_writable(path)
+    else:
+        exporters.check(path, thickness=DEFAULT_THICKNESS)
+
+
+def solid(path: Path) -> bool:
+    """Whether a file of this kind has a thickness."""
+    return path.suffix.lower() in (".step", ".stp", ".brep", ".stl")

@@ -1,0 +1,68 @@
+"""Grammars and methods by the names they have on the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from d4cad.canvas import Canvas
+from d4cad.descent import Method
+from d4cad.errors import InputError
+from d4cad.grammars.arc_line import ArcLine
+from d4cad.grammars.arc_line.places import UniformPlaces
+from d4cad.methods import fast, paper
+from d4cad.protocols import Grammar
+
+PAPER_LOSSY = 0.03
+"""World length by which the paper lets a lossy rewrite move the outline (SPEC 3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A grammar: as the default method wants it, as the paper has it, and the number of parameters of a structure."""
+
+    fast: Callable[[Canvas], Grammar[Any]]
+    paper: Callable[[Canvas], Grammar[Any]]
+    size: Callable[[Any], int]
+
+
+def _paper_arc_line(canvas: Canvas) -> ArcLine:
+    rules = ArcLine().rules - {"split-lines"}
+    return ArcLine(canvas.pixel, rules, UniformPlaces(), PAPER_LOSSY / canvas.pixel)
+
+
+GRAMMARS = {
+    "arc-line": Entry(
+        fast=lambda canvas: ArcLine(canvas.pixel),
+        paper=_paper_arc_line,
+        size=lambda structure: int(structure.layout.size),
+    ),
+}
+METHODS: dict[str, Callable[[Canvas, float], Method]] = {
+    "fast": fast,
+    "paper": lambda canvas, floor: paper(canvas),
+}
+
+
+def entry(grammar: str) -> Entry:
+    """The grammar's entry. Raises InputError for an unknown name."""
+    if grammar not in GRAMMARS:
+        raise InputError(f"there is no grammar {grammar!r}, expected one of: {', '.join(GRAMMARS)}")
+    return GRAMMARS[grammar]
+
+
+def make_grammar(grammar: str, method: str, canvas: Canvas) -> Grammar[Any]:
+    """The grammar as ``method`` uses it on ``canvas``. Raises InputError for an unknown name."""
+    found = entry(grammar)
+    return found.paper(canvas) if method == "paper" else found.fast(canvas)
+
+
+def make_method(method: str, canvas: Canvas, floor: float) -> Method:
+    """The settings of ``method``; ``floor``: the last price of a primitive, in summed squared error.
+
+    Raises InputError for an unknown name.
+    """
+    if method not in METHODS:
+        raise InputError(f"there is no method {method!r}, expected one of: {', '.join(METHODS)}")
+    return METHODS[method](canvas, floor)
