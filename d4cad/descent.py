@@ -10,6 +10,7 @@ from math import inf, log10
 from typing import Any, Generic, TypeVar
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from d4cad.canvas import Canvas
 from d4cad.program import Program, Rewrite
@@ -99,6 +100,7 @@ class Point(Generic[S]):
     steps: int = 0
 
 
+@threadpool_limits.wrap(limits=1)  # a small matrix is slower on two threads, and its rounding depends on them
 def descend(
     program: Program[S],
     grammar: Grammar[S],

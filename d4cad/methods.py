@@ -26,6 +26,6 @@ def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
     prices = [0.65]
     while prices[-1] > floor * 1.001:
         prices.append(max(prices[-1] / 10, floor))
-    wide = [Stage(ramp, prices[0] / canvas.size, rounds=1) for ramp in (6.0, 1.5) if ramp > canvas.ramp]
+    wide = [Stage(ramp, prices[0] / canvas.size, rounds=1) for ramp in (3.0,) if ramp > canvas.ramp]
     sharp = [Stage(canvas.ramp, price / canvas.size, rounds=1000) for price in prices]
     return Method((*wide, *sharp), (12, 6, 6), LevenbergMarquardt(), LocalFit(4))

@@ -163,17 +163,16 @@ class ArcLine:
         data = np.array([[*r.data[1:], 0.0, 0.0, 0.0][:3] for r in rewrites]) / canvas.pixel + middle
         table = loss.table
         cost = price * np.array([self.growth(program, r) for r in rewrites])
-        gain, fit = trials(
+        gain, free, fit = trials(
             rules, sites, data, cost * canvas.size, *shape, _before(shape.nxt), table.target, table.runs, table.squares, canvas.ramp, steps
         )
         scale = canvas.pixel / self.pixel
         fitted = []
         for k in np.flatnonzero(gain > 0).tolist():
             item = rewrites[k]
-            count = _free(int(rules[k]))
             values = fit[k].copy()
-            values[: 2 * count : 2] = (values[: 2 * count : 2] - middle[0]) * scale
-            values[1 : 2 * count : 2] = (values[1 : 2 * count : 2] - middle[1]) * scale
+            places = values[: 2 * free[k]].reshape(-1, 2)
+            places[:] = (places - middle[:2]) * scale
             fitted.append(Trial(replace(item, fit=values), float(gain[k]) / canvas.size))
         return fitted
 
@@ -214,7 +213,3 @@ def _before(nxt: NDArray[np.int64]) -> NDArray[np.int64]:
     prv[nxt] = np.arange(len(nxt))
     return prv
 
-
-def _free(rule: int) -> int:
-    """How many vertices a rule may move at most."""
-    return {Rule.ADD_LOOP: 4, Rule.SPLIT: 3, Rule.SPLIT_LINES: 3, Rule.CLOSE: 3}.get(rule, 2)

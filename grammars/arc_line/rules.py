@@ -99,34 +99,34 @@ def _remove(i, x, y, nxt, prv):
 
 @nb.njit(cache=True)
 def touched(rule, site, nxt, prv, n, vertices, edges):
-    """What a rewrite may tune, asked *before* it is applied: the ends of the edges it makes or changes, and those edges.
+    """What a rewrite touches, asked *before* it is applied.
 
-    Fills ``vertices`` (4,) and ``edges`` (4,), returns how many of each.
+    Fills ``vertices`` (4,) with the ends of the edges that it makes or changes (-1: none), those whose places a trial may
+    tune first, and ``edges`` (4,) with these edges. Returns how many vertices are tunable, and how many edges there are.
+    Far ends stay put in a trial, which keeps its window small; a merge moves them, having nothing else to give way.
     """
     i, j = site, nxt[site]
+    vertices[:] = -1
     if rule == Rule.ADD_LOOP:
         for k in range(4):
             vertices[k] = edges[k] = n + k
         return 4, 4
     if rule == Rule.SPLIT or rule == Rule.SPLIT_LINES:
-        vertices[0], vertices[1], vertices[2] = i, n, j
+        vertices[0], vertices[1], vertices[2] = n, i, j
         edges[0], edges[1] = i, n
-        return 3, 2
+        return 1, 2
     if rule == Rule.TO_ARC or rule == Rule.TO_LINE:
         vertices[0], vertices[1] = i, j
         edges[0] = i
-        return 2, 1
+        return 0, 1
     if rule == Rule.MERGE_LINE or rule == Rule.MERGE_ARC:
         vertices[0], vertices[1] = prv[i], j
         edges[0] = prv[i]
         return 2, 1
     if rule == Rule.CLOSE:
-        vertices[0], vertices[1] = prv[i], i
+        vertices[0], vertices[1], vertices[2] = i, prv[i], nxt[j]
         edges[0], edges[1] = prv[i], i
-        if nxt[j] == prv[i]:
-            return 2, 2
-        vertices[2] = nxt[j]
-        return 3, 2
+        return 1, 2
     return 0, 0
 
 
@@ -135,11 +135,12 @@ def candidates(x, y, b, arc, nxt, prv, sizes, lossy):
     """Rewrites of edges and vertices that their guards allow, all but those of whole loops.
 
     x, y, b, arc, nxt, prv: (n,) linked loops in pixels; sizes: (n,) the number of edges of each vertex' loop; lossy: how far (px)
-    a merge may move the outline. Returns rules, sites (k,) and touched (k, 4), the vertices that each may move (-1: none).
+    a merge may move the outline. Returns rules, sites (k,) and touched (k, 4), the vertices that each
+    touches (-1: none).
     """
     n = x.shape[0]
     rules, sites = np.empty(6 * n, np.int64), np.empty(6 * n, np.int64)
-    marks = np.full((6 * n, 4), -1)
+    marks = np.empty((6 * n, 4), np.int64)
     edges = np.empty(4, np.int64)
     vertices = np.empty(4, np.int64)
     k = 0
@@ -161,10 +162,9 @@ def candidates(x, y, b, arc, nxt, prv, sizes, lossy):
                 continue
             if rule == Rule.CLOSE and math.hypot(x[j] - x[i], y[j] - y[i]) > lossy:
                 continue
-            count, _ = touched(rule, i, nxt, prv, n, vertices, edges)
+            touched(rule, i, nxt, prv, n, vertices, edges)
             rules[k], sites[k] = rule, i
-            for c in range(count):
-                marks[k, c] = vertices[c]
+            marks[k] = vertices
             k += 1
     return rules[:k], sites[:k], marks[:k]
 

@@ -27,13 +27,14 @@ MOST_FREE = 20
 
 
 @nb.njit(cache=True)
-def _stretch(box, x0, y0, x1, y1, b):
-    """Grow a box (4,) to hold an edge: its ends and apex, padded by what an oblique arc bulges beyond them."""
+def _stretch_edge(box, x, y, b, nxt, e):
+    """Grow a box (4,) to hold edge e: its ends and apex, padded by what an oblique arc bulges beyond them."""
+    x0, y0, x1, y1, bulge = x[e], y[e], x[nxt[e]], y[nxt[e]], b[e]
     half = 0.5 * math.hypot(x1 - x0, y1 - y0)
-    pad = 0.11 * half if abs(b) <= 1.0 else half * (1.0 + b * b) / abs(2.0 * b)
-    pad = pad if b != 0.0 else 0.0
-    ax = 0.5 * (x0 + x1) + 0.5 * b * (y1 - y0)
-    ay = 0.5 * (y0 + y1) - 0.5 * b * (x1 - x0)
+    pad = 0.11 * half if abs(bulge) <= 1.0 else half * (1.0 + bulge * bulge) / abs(2.0 * bulge)
+    pad = pad if bulge != 0.0 else 0.0
+    ax = 0.5 * (x0 + x1) + 0.5 * bulge * (y1 - y0)
+    ay = 0.5 * (y0 + y1) - 0.5 * bulge * (x1 - x0)
     box[0] = min(box[0], x0 - pad, x1 - pad, ax - pad)
     box[1] = min(box[1], y0 - pad, y1 - pad, ay - pad)
     box[2] = max(box[2], x0 + pad, x1 + pad, ax + pad)
@@ -81,7 +82,8 @@ def _error(target, runs, squares, band, r0, r1, c0, c1):
 
 @nb.njit(cache=True)
 def _trial(rule, site, data, cost, shape, room, target, runs, squares, ramp, steps, fit):
-    """Gain of one rewrite, the decrease of the squared error less ``cost``; puts its parameters in ``fit`` (MOST_FREE,).
+    """Gain of one rewrite, the decrease of the squared error less ``cost``, and the number of vertices that it tunes; puts its
+    parameters in ``fit`` (MOST_FREE,).
 
     Ends early, with a loss, when even no error at all in the window would not pay for it, or when a step's progress leaves
     no hope for the remaining ones.
@@ -103,19 +105,19 @@ def _trial(rule, site, data, cost, shape, room, target, runs, squares, ramp, ste
     if rule == Rule.REMOVE_LOOP:
         i = site
         while True:
-            _stretch(box, x[i], y[i], x[nxt[i]], y[nxt[i]], b[i])
+            _stretch_edge(box, x, y, b, nxt, i)
             i = nxt[i]
             if i == site:
                 break
     else:
-        for k in range(free):
-            v = vertices[k]
+        for v in vertices[:free]:
             if v < n:
-                p = prv[v]
-                _stretch(box, x[v], y[v], x[nxt[v]], y[nxt[v]], b[v])
-                _stretch(box, x[p], y[p], x[v], y[v], b[p])
-        if rule == Rule.MERGE_ARC or rule == Rule.MERGE_LINE:
-            _stretch(box, x[site], y[site], x[nxt[site]], y[nxt[site]], b[site])
+                _stretch_edge(box, x, y, b, nxt, v)
+                _stretch_edge(box, x, y, b, nxt, prv[v])
+        if rule != Rule.ADD_LOOP:
+            _stretch_edge(box, x, y, b, nxt, site)
+        if rule == Rule.CLOSE:
+            _stretch_edge(box, x, y, b, nxt, nxt[site])
     used = rewrite(rule, site, data, x, y, b, arc, nxt, prv, n)
     columns = np.full((n + NEW_VERTICES, 5), -1)
     size = 2 * free
@@ -123,11 +125,12 @@ def _trial(rule, site, data, cost, shape, room, target, runs, squares, ramp, ste
     for k in range(free):
         v = vertices[k]
         p = prv[v]
-        _stretch(box, x[v], y[v], x[nxt[v]], y[nxt[v]], b[v])
+        _stretch_edge(box, x, y, b, nxt, v)
         columns[v, 0], columns[v, 1] = 2 * k, 2 * k + 1
         columns[p, 2], columns[p, 3] = 2 * k, 2 * k + 1
     for k in range(own_count):
         e = own[k]
+        _stretch_edge(box, x, y, b, nxt, e)
         if arc[e] and columns[e, 4] < 0:
             columns[e, 4] = size
             bulges[size] = e
@@ -143,12 +146,12 @@ def _trial(rule, site, data, cost, shape, room, target, runs, squares, ramp, ste
     c1 = min(math.ceil(min(box[2], float(width)) + pad), width)
     r1 = min(math.ceil(min(box[3], float(height)) + pad), height)
     if r1 <= r0 or c1 <= c0:
-        return -1.0
+        return -1.0, free
 
     band = scan(shape[0], shape[1], shape[2], shape[4], r0, r1, c0, c1, ramp)
     base = _error(target, runs, squares, band, r0, r1, c0, c1) - cost
     if base <= 0.0:
-        return base
+        return base, free
     x, y, b, nxt = x[:used], y[:used], b[:used], nxt[:used]
     band = scan(x, y, b, nxt, r0, r1, c0, c1, ramp)
     value = _error(target, runs, squares, band, r0, r1, c0, c1)
@@ -186,7 +189,7 @@ def _trial(rule, site, data, cost, shape, room, target, runs, squares, ramp, ste
         new = _error(target, runs, squares, tried, r0, r1, c0, c1)
         if new < value:
             if taken > 0 and new - HOPE * (steps - taken) * (value - new) > base:
-                return base - new
+                return base - new, free
             fresh = True
             value, band = new, tried
             damping = max(0.1 * damping, 1e-9)
@@ -196,7 +199,7 @@ def _trial(rule, site, data, cost, shape, room, target, runs, squares, ramp, ste
             fresh = False
             damping *= 10.0
     fit[:size] = before
-    return base - value
+    return base - value, free
 
 
 @nb.njit(cache=True)
@@ -205,10 +208,11 @@ def trials(rules, sites, data, costs, x, y, b, arc, nxt, prv, target, runs, squa
 
     rules, sites: (k,) int64; data: (k, 3); costs: (k,) the squared error each must earn; x, y, b, arc, nxt, prv: (n,) the base in pixels; target (height, width) with
     its row sums ``runs`` and ``squares`` (height, width + 1) of 1 - 2 t and t^2. Returns gain (k,), the decrease of the
-    squared error less the cost, and fit (k, MOST_FREE): x, y of the touched vertices, then the bulges of the own arcs.
+    squared error less the cost, free (k,), the number of tuned vertices, and fit (k, MOST_FREE): x, y of those vertices, then the bulges of the own arcs.
     """
     count, n = rules.shape[0], x.shape[0]
     gain = np.empty(count)
+    free = np.empty(count, np.int64)
     fit = np.empty((count, MOST_FREE))
     shape = (x, y, b, arc, nxt, prv)
     more = n + NEW_VERTICES
@@ -217,5 +221,5 @@ def trials(rules, sites, data, costs, x, y, b, arc, nxt, prv, target, runs, squa
         np.empty(more, np.bool_), np.empty(more, np.int64), np.empty(more, np.int64),
     )  # fmt: skip
     for k in range(count):
-        gain[k] = _trial(rules[k], sites[k], data[k], costs[k], shape, room, target, runs, squares, ramp, steps, fit[k])
-    return gain, fit
+        gain[k], free[k] = _trial(rules[k], sites[k], data[k], costs[k], shape, room, target, runs, squares, ramp, steps, fit[k])
+    return gain, free, fit
