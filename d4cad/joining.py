@@ -47,12 +47,12 @@ def joined(loop: Loop, tolerance: float) -> Loop:
         return circle.loop(clockwise=loop.bulges[0] < 0)
     n = len(loop.points)
     runs = _close(loop, _runs(loop, tolerance), tolerance)
-    points = tuple(loop.points[r.first % n] for r in runs)
-    found = Loop(points, tuple(r.bulge for r in runs))
-    flat = np.abs(sagittas(found.edges)) < tolerance
-    if len(runs) == 2 and np.all(flat):  # two lines would enclose nothing
+    found = Loop(tuple(loop.points[r.first % n] for r in runs), tuple(r.bulge for r in runs))
+    # only edges that were not joined: a joined one has spent its tolerance, and is a line already if it can be
+    flat = (np.abs(sagittas(found.edges)) < tolerance) & np.array([r.first == r.last for r in runs])
+    if len(runs) == 2 and np.all(flat | (np.array(found.bulges) == 0)):  # two lines would enclose nothing
         return found
-    return Loop(points, tuple(0.0 if f else b for f, b in zip(flat, found.bulges, strict=True)))
+    return Loop(found.points, tuple(0.0 if f else b for f, b in zip(flat, found.bulges, strict=True)))
 
 
 def _runs(loop: Loop, tolerance: float) -> list[_Run]:
