@@ -19,9 +19,9 @@ from d4cad.descent import Record, Stop, descend
 from d4cad.errors import D4cadError, ExportError, InputError
 from d4cad.exporters import preview
 from d4cad.exporters.svg import svg
-from d4cad.files import check_writable
 from d4cad.images import load
 from d4cad.objectives.image import ImageLoss
+from d4cad.outputs import check_output
 from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
 from d4cad.program import Floats, Program
 from d4cad.protocols import Grammar
@@ -148,7 +148,9 @@ class Fit:
         self, sketch: Sketch | None = None, placement: Placement | None = None, extra: Mapping[str, Any] | None = None
     ) -> io.ProgramFile:
         """The program file's contents: its loops those of ``sketch``, by default the outline in world units."""
-        place = {} if placement is None else {key: value for key, value in asdict(placement).items() if value is not None}
+        place = (
+            {} if placement is None else {key: value for key, value in asdict(placement).items() if value is not None}
+        )
         loops = self.outline if sketch is None else sketch
         return io.ProgramFile(
             grammar=self.grammar.name,
@@ -184,8 +186,8 @@ def fit_image(
 ) -> Fit:
     """Fit a program to a picture.
 
-    image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". init: "axiom", or a
-    program file or fit to go on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture binary.
+    image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". init: "axiom",
+    or a program file or fit to go on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture binary.
     invert: exchange shape and ground. watch: called with a Record after every round. ramp: half-width in pixels of the
     picture's edges; None for a picture like any other, 1/sqrt(2) for the paper's exact raster.
     Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
@@ -256,7 +258,12 @@ def fit_coverage(
         stop=found.stop,
         seconds=cpu,
         wall=wall,
-        settings={"method": method, "seed": seed, "init": "axiom" if start is None else "program", "max_time": max_time},
+        settings={
+            "method": method,
+            "seed": seed,
+            "init": "axiom" if start is None else "program",
+            "max_time": max_time,
+        },
         target=target,
     )
 
@@ -353,24 +360,3 @@ def _start(init: str | PathLike[str] | Fit, grammar: str) -> Fit | None:
     if start.grammar.name != grammar:
         raise InputError(f"the program to start from is in the grammar {start.grammar.name}, expected {grammar}")
     return start
-
-
-OUTPUTS = (".json", ".png", *exporters.EXTENSIONS)
-
-
-def check_output(path: Path, *, has_picture: bool) -> None:
-    """Raises ExportError, one sentence, if :meth:`Fit.save` clearly cannot write ``path``; leaves nothing behind."""
-    suffix = path.suffix.lower()
-    if suffix not in OUTPUTS:
-        raise ExportError(f"cannot write {path}: known extensions are {' '.join(OUTPUTS)}, got {suffix or 'none'}")
-    if suffix == ".png" and not has_picture:
-        raise ExportError(f"cannot write {path}: a preview needs the picture, and a program file has none")
-    if suffix in (".json", ".png"):
-        check_writable(path)
-    else:
-        exporters.check(path, thickness=DEFAULT_THICKNESS)
-
-
-def solid(path: Path) -> bool:
-    """Whether a file of this kind has a thickness."""
-    return path.suffix.lower() in (".step", ".stp", ".brep", ".stl")

@@ -54,7 +54,7 @@ class ProgramFile:
 def write(path: str | PathLike[str], file: ProgramFile) -> None:
     """Write ``file`` to ``path``, all of it or nothing. Raises ExportError."""
     text = dumps(file)
-    with replacing(path) as part:
+    with replacing(Path(path)) as part:
         part.write_text(text, encoding="utf-8")
 
 
@@ -140,8 +140,7 @@ def loads(text: str) -> ProgramFile:
 
 
 _KEYS = frozenset(
-    ("format", "version", "d4cad", "grammar", "structure", "params", "canvas", "settings", "history")
-    + ("stop", "psnr", "primitives", "unit", "loops")
+    "format version d4cad grammar structure params canvas settings history stop psnr primitives unit loops".split()
 )
 _KINDS: dict[type, str] = {str: "text", int: "a whole number", float: "a number", list: "a list", dict: "an object"}
 

@@ -55,10 +55,7 @@ class Placement:
     def place(self, outline: Sketch, canvas: Canvas) -> Sketch:
         """A sketch in world units of ``canvas`` as a part in mm; at 96 dpi if no size is given."""
         xmin, ymin, xmax, ymax = outline.bounds
-        if self.width is not None:
-            factor = self.width / (xmax - xmin)
-        else:
-            factor = self.pixel_size / canvas.pixel
+        factor = self.pixel_size / canvas.pixel if self.width is None else self.width / (xmax - xmin)
         x, y = (xmin, ymin) if self.origin == "corner" else ((xmin + xmax) / 2, (ymin + ymax) / 2)
         # Moved first: in the part's own corner the coordinates keep their digits, and the corner is exactly 0.
         return outline.translated(-x, -y).scaled(factor, "mm")

@@ -9,9 +9,10 @@ from typing import Any
 from d4cad.canvas import Canvas
 from d4cad.descent import Method
 from d4cad.errors import InputError
-from d4cad.grammars.arc_line import ArcLine
+from d4cad.grammars.arc_line import ArcLine, sagitta_metric
 from d4cad.grammars.arc_line.places import UniformPlaces
 from d4cad.methods import fast, paper
+from d4cad.program import Floats, Program
 from d4cad.protocols import Grammar
 
 PAPER_LOSSY = 0.03
@@ -20,11 +21,13 @@ PAPER_LOSSY = 0.03
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A grammar: as the default method wants it, as the paper has it, and the number of parameters of a structure."""
+    """A grammar: as the default method wants it, as the paper has it, the number of parameters of a structure,
+    and the paper's scaling of the gradient."""
 
     fast: Callable[[Canvas], Grammar[Any]]
     paper: Callable[[Canvas], Grammar[Any]]
     size: Callable[[Any], int]
+    metric: Callable[[Program[Any]], Floats] | None = None
 
 
 def _paper_arc_line(canvas: Canvas) -> ArcLine:
@@ -37,11 +40,12 @@ GRAMMARS = {
         fast=lambda canvas: ArcLine(canvas.pixel),
         paper=_paper_arc_line,
         size=lambda structure: int(structure.layout.size),
+        metric=sagitta_metric,
     ),
 }
-METHODS: dict[str, Callable[[Canvas, float], Method]] = {
-    "fast": fast,
-    "paper": lambda canvas, floor: paper(canvas),
+METHODS: dict[str, Callable[[Entry, Canvas, float], Method]] = {
+    "fast": lambda grammar, canvas, floor: fast(canvas, floor),
+    "paper": lambda grammar, canvas, floor: paper(canvas, grammar.metric),
 }
 
 
@@ -58,11 +62,11 @@ def make_grammar(grammar: str, method: str, canvas: Canvas) -> Grammar[Any]:
     return found.paper(canvas) if method == "paper" else found.fast(canvas)
 
 
-def make_method(method: str, canvas: Canvas, floor: float) -> Method:
-    """The settings of ``method``; ``floor``: the last price of a primitive, in summed squared error.
+def make_method(method: str, canvas: Canvas, floor: float, grammar: str = "arc-line") -> Method:
+    """The settings of ``method`` for ``grammar``; ``floor``: the last price of a primitive, in summed squared error.
 
     Raises InputError for an unknown name.
     """
     if method not in METHODS:
         raise InputError(f"there is no method {method!r}, expected one of: {', '.join(METHODS)}")
-    return METHODS[method](canvas, floor)
+    return METHODS[method](entry(grammar), canvas, floor)
