@@ -188,7 +188,7 @@ class Search(Generic[S]):
                 if time.perf_counter() - self.started > self.max_seconds:
                     raise OutOfTime
                 evaluation = loss.evaluate(self.grammar.rasterize(program, self.canvas))
-                params, state = stepper.step(program.params, evaluation, state)
+                params, state = stepper.step(program, evaluation, state)
                 program = program.moved(params)
                 self.steps += 1
                 if stepper.settled(state):

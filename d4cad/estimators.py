@@ -38,7 +38,7 @@ class Stepped:
         state = self.stepper.init(program)
         for _ in range(self.steps):
             evaluation = loss.evaluate(grammar.rasterize(program, canvas))
-            params, state = self.stepper.step(program.params, evaluation, state)
+            params, state = self.stepper.step(program, evaluation, state)
             program = program.moved(params)
         return loss.value(grammar.rasterize(program, canvas)) + price * grammar.complexity(program)
 

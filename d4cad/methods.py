@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from d4cad.canvas import Canvas
 from d4cad.descent import Method, Stage
 from d4cad.estimators import LocalFit, Stepped
+from d4cad.program import Floats, Program
 from d4cad.steppers import ClippedGradient, LevenbergMarquardt
 
-PAPER_PIXELS = 256 * 256
-"""The paper prices a primitive in mean squared error over this many pixels."""
 
+def paper(canvas: Canvas, metric: Callable[[Program[Any]], Floats] | None = None) -> Method:
+    """The publication's settings (SPEC 1.7, AL-F): clipped gradient, 64 sampled proposals, one trial step, no re-check.
 
-def paper(canvas: Canvas) -> Method:
-    """The publication's settings (SPEC 1.7, AL-F): clipped gradient, 64 sampled proposals, one trial step, no re-check."""
-    stepper = ClippedGradient()
+    ``metric``: the grammar's scaling of the gradient, if the paper has one.
+    """
+    stepper = ClippedGradient(metric=metric)
     stage = Stage(ramp=canvas.ramp, price=1e-5, rounds=200, patience=25, tolerance=5e-3)
     return Method((stage,), (10, 10, 5), stepper, Stepped(stepper, 1), 64, (("add-loop", 0.25),), recheck=False)
 

@@ -120,8 +120,8 @@ class Stepper(Protocol[T]):
         """The state after the program was edited."""
         ...
 
-    def step(self, params: Floats, evaluation: Evaluation, state: T) -> tuple[Floats, T]:
-        """The next parameters, given the loss at ``params``."""
+    def step(self, program: Program[Any], evaluation: Evaluation, state: T) -> tuple[Floats, T]:
+        """The next parameters, given the loss at ``program``."""
         ...
 
     def best(self, params: Floats, value: float, state: T) -> tuple[Floats, float]:

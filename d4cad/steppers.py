@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, sqrt
 from typing import Any
@@ -28,7 +29,8 @@ class ClippedGradient:
     """Gradient descent with each component clipped and the paper's adaptive rate.
 
     The rate is halved after more than ``patience`` steps without a new best, and multiplied by sqrt(2) after more than
-    ``patience`` steps that were not worse. As published, an edit keeps the rate and forgets the rest.
+    ``patience`` steps that were not worse. As published, an edit keeps the rate and forgets the rest. ``metric`` gives
+    for a program the step per unit of gradient and rate, (n,); None stands for ones.
     """
 
     rate: float = 0.5
@@ -36,6 +38,7 @@ class ClippedGradient:
     clip: float = 2.0
     patience: int = 2
     threshold: float = 1e-4
+    metric: Callable[[Program[Any]], Floats] | None = None
 
     def init(self, program: Program[Any]) -> Rate:
         """The full rate."""
@@ -45,10 +48,12 @@ class ClippedGradient:
         """Only the rate persists."""
         return Rate(state.rate)
 
-    def step(self, params: Floats, evaluation: Evaluation, state: Rate) -> tuple[Floats, Rate]:
+    def step(self, program: Program[Any], evaluation: Evaluation, state: Rate) -> tuple[Floats, Rate]:
         """One clipped step at the present rate, which then adapts to the loss."""
-        moved = params - state.rate * np.clip(evaluation.gradient, -self.clip, self.clip)
-        return moved, self.adapt(evaluation.value, state)
+        slope = np.clip(evaluation.gradient, -self.clip, self.clip)
+        if self.metric is not None:
+            slope *= self.metric(program)
+        return program.params - state.rate * slope, self.adapt(evaluation.value, state)
 
     def adapt(self, value: float, state: Rate) -> Rate:
         """The rate after a step at which the loss was ``value``."""
@@ -100,7 +105,7 @@ class Adam:
         """Each surviving parameter keeps its moments."""
         return Moments(edit.carry(state.mean), edit.carry(state.square), edit.carry(state.count))
 
-    def step(self, params: Floats, evaluation: Evaluation, state: Moments) -> tuple[Floats, Moments]:
+    def step(self, program: Program[Any], evaluation: Evaluation, state: Moments) -> tuple[Floats, Moments]:
         """One bias-corrected step; the correction counts each parameter's own steps."""
         g = evaluation.gradient
         mean = self.beta1 * state.mean + (1 - self.beta1) * g
@@ -108,7 +113,7 @@ class Adam:
         count = state.count + 1
         first = mean / (1 - self.beta1**count)
         second = square / (1 - self.beta2**count)
-        return params - self.rate * first / (np.sqrt(second) + self.epsilon), Moments(mean, square, count)
+        return program.params - self.rate * first / (np.sqrt(second) + self.epsilon), Moments(mean, square, count)
 
     def best(self, params: Floats, value: float, state: Moments) -> tuple[Floats, float]:
         """The last parameters."""
@@ -151,7 +156,7 @@ class LevenbergMarquardt:
         """An edited program has no evaluated point yet."""
         return Trust(self.damping)
 
-    def step(self, params: Floats, evaluation: Evaluation, state: Trust) -> tuple[Floats, Trust]:
+    def step(self, program: Program[Any], evaluation: Evaluation, state: Trust) -> tuple[Floats, Trust]:
         """From the better of the present and the best point, one damped step."""
         if evaluation.curvature is None:
             raise ValueError("Levenberg-Marquardt needs a loss that is a sum of squares")
@@ -160,7 +165,7 @@ class LevenbergMarquardt:
             if state.evaluation is not None:
                 damping = max(damping / 10, 1e-9)
                 done = state.evaluation.value - evaluation.value <= self.tolerance * state.evaluation.value
-            at, here = params, evaluation
+            at, here = program.params, evaluation
         else:
             damping *= 10
             at, here = state.params, state.evaluation

@@ -103,3 +103,17 @@ def parameter_origin(vertex: NDArray[np.int64], edge: NDArray[np.int64], arc: ND
     kept = edge[arc]
     bulge = np.where(kept >= 0, old.columns[np.maximum(kept, 0), 4], -1)
     return np.concatenate([xy, bulge])
+
+
+def sagitta_metric(program: Program[Structure]) -> Floats:
+    """Steps (n,) per unit of gradient that amount to the paper's, which moves an arc's sagitta k and not its bulge 2 k / c.
+
+    The paper descends on k sqrt(2) (SPEC 2, "Scaling"): dk = -dL/dk / 2, so db = -(2 / c^2) dL/db for the chord c.
+    """
+    layout = program.structure.layout
+    n = len(layout.nxt)
+    xy = program.params[: 2 * n].reshape(n, 2)
+    chord = xy[layout.nxt[layout.arc_edges]] - xy[layout.arc_edges]
+    metric = np.ones(layout.size)
+    metric[2 * n :] = 2 / np.maximum((chord * chord).sum(axis=1), 1e-6)
+    return metric
