@@ -7,6 +7,8 @@ Shapes are OCP's own TopoDS objects, typed Any because OCP carries no usable typ
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from math import isfinite
 from typing import Any
@@ -21,6 +23,9 @@ FLATTEST = 1e7
 CONFUSION = 1e-7
 """OpenCASCADE's tolerance in mm: an arc with less sagitta is a line to it."""
 
+SMALLEST, LARGEST = 1e-4, 1e7
+"""Sizes in mm that the kernel's tolerance and its float coordinates leave room for: 0.1 um to 10 km."""
+
 
 def require_kernel() -> None:
     """Raises ExportError if no CAD kernel is installed."""
@@ -32,20 +37,40 @@ def require_kernel() -> None:
         ) from error
 
 
+@contextmanager
+def kernel_errors() -> Iterator[None]:
+    """Turns what OpenCASCADE throws into ExportError."""
+    known = vars(import_module("OCP.Standard")).values()  # in Python these share no base class but Exception
+    failures = tuple(kind for kind in known if isinstance(kind, type) and issubclass(kind, Exception))
+    try:
+        yield
+    except failures as error:
+        raise ExportError(f"the CAD kernel failed: {error}") from error
+
+
 def require_thickness(thickness: float | None) -> float:
-    """The thickness in mm. Raises InputError unless it is positive and finite."""
+    """The thickness in mm. Raises InputError unless it is positive, finite and of a size that exists."""
     if thickness is None or not (isfinite(thickness) and thickness > 0):
         given = "none" if thickness is None else f"{thickness:g}"
         raise InputError(f"a solid needs a positive, finite thickness in mm, got {given}")
+    _require_size("thickness", thickness)
     return float(thickness)
 
 
+def _require_size(name: str, size: float) -> None:
+    if not SMALLEST <= size <= LARGEST:
+        raise InputError(f"the {name} of a solid must be from {SMALLEST:g} to {LARGEST:g} mm, got {size:g} mm")
+
+
 def require_mm(sketch: Sketch) -> None:
-    """Raises InputError unless the sketch has faces and is in mm."""
+    """Raises InputError unless the sketch has faces, is in mm and of a size that exists."""
     if sketch.unit != "mm":
         raise InputError(f"a CAD file is in mm but this sketch is in {sketch.unit!r} units: scale it first")
     if not sketch.faces:
         raise InputError("an empty sketch cannot be written: it has no faces")
+    xmin, ymin, xmax, ymax = sketch.bounds
+    _require_size("width", xmax - xmin)
+    _require_size("height", ymax - ymin)
 
 
 def faces(sketch: Sketch) -> list[Any]:
@@ -56,7 +81,8 @@ def faces(sketch: Sketch) -> list[Any]:
     """
     require_kernel()
     require_mm(sketch)
-    return [_face(face) for face in sketch.faces]
+    with kernel_errors():
+        return [_face(face) for face in sketch.faces]
 
 
 def solids(sketch: Sketch, thickness: float) -> list[Any]:
@@ -68,7 +94,8 @@ def solids(sketch: Sketch, thickness: float) -> list[Any]:
     flat = faces(sketch)
     gp, prism = import_module("OCP.gp"), import_module("OCP.BRepPrimAPI")
     up = gp.gp_Vec(0.0, 0.0, height)
-    found = [prism.BRepPrimAPI_MakePrism(face, up).Shape() for face in flat]
+    with kernel_errors():
+        found = [prism.BRepPrimAPI_MakePrism(face, up).Shape() for face in flat]
     for k, solid in enumerate(found):
         if not is_valid(solid):
             x, y = sketch.faces[k].outer.points[0]

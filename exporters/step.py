@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from d4cad.errors import ExportError
-from d4cad.exporters.occ import compound, solids
+from d4cad.exporters.occ import compound, kernel_errors, solids
 from d4cad.files import replacing
 from d4cad.sketch import Sketch
 
@@ -41,7 +41,7 @@ def _transfer(shape: Any, path: Path, schema: str) -> None:
     control, status = import_module("OCP.STEPControl"), import_module("OCP.IFSelect")
     writer = control.STEPControl_Writer()  # first: it defines the settings
     done = status.IFSelect_ReturnStatus.IFSelect_RetDone
-    with _settings(SCHEMAS[schema]), _quiet():
+    with _settings(SCHEMAS[schema]), _quiet(), kernel_errors():
         writer.Model(True)  # a new model, so that the schema applies to it
         if writer.Transfer(shape, control.STEPControl_StepModelType.STEPControl_AsIs) != done:
             raise ExportError("the CAD kernel could not turn the part into STEP entities")
@@ -94,6 +94,12 @@ def _settled(text: str, name: str) -> str:
 
 
 def encoded(text: str) -> str:
-    r"""``text`` as the inside of a STEP string (ISO 10303-21): quotes doubled, other alphabets as \X2\ hex \X0\."""
+    r"""``text`` as the inside of a STEP string (ISO 10303-21): quotes doubled, other alphabets as \X2\ or \X4\ hex."""
     safe = text.replace("\\", "\\\\").replace("'", "''")
-    return re.sub(r"[^\x20-\x7e]+", lambda m: f"\\X2\\{m[0].encode('utf-16-be').hex().upper()}\\X0\\", safe)
+    return re.sub(r"[^\x20-\x7e]+", _hex, safe)
+
+
+def _hex(found: re.Match[str]) -> str:
+    wide = max(found[0]) > "\uffff"
+    code = found[0].encode("utf-32-be" if wide else "utf-16-be", "replace").hex().upper()
+    return f"\\X{4 if wide else 2}\\{code}\\X0\\"

@@ -34,6 +34,7 @@ def mesh(
     require_mm(sketch)
     if not (isfinite(tolerance) and tolerance > 0):
         raise InputError(f"the chord tolerance of a mesh must be positive and finite, got {tolerance:g} mm")
+    # Clipper, behind CrossSection, rounds to some 1e-8 units and has a range: hence sizes are checked above
     section = manifold3d.CrossSection(sketch.polygon(tolerance), manifold3d.FillRule.EvenOdd)
     solid = section.extrude(height)
     if solid.status() != manifold3d.Error.NoError or solid.is_empty():
