@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from math import inf, isfinite, log10, sqrt
 from os import PathLike
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from d4cad import exporters, io
 from d4cad.canvas import Canvas
 from d4cad.descent import Record, Stop, descend
-from d4cad.errors import D4cadError, ExportError, InputError
+from d4cad.errors import D4cadError, ExportError, GeometryError, InputError
 from d4cad.exporters import preview
 from d4cad.exporters.svg import svg
 from d4cad.images import load
@@ -81,7 +81,9 @@ class Fit:
         """What is given, and for the rest what the picture or the program file states."""
         origin = self.made.origin if origin is None else origin
         given = Placement(width, scale, dpi, origin, self.made.thickness if thickness is None else thickness)
-        return given if given.sized else replace(given, scale=self.made.scale, dpi=self.made.dpi)
+        if given.sized:
+            return given
+        return replace(given, width=self.made.width, scale=self.made.scale, dpi=self.made.dpi)
 
     def sketch(
         self,
@@ -187,9 +189,9 @@ def fit_image(
     """Fit a program to a picture.
 
     image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". init: "axiom",
-    or a program file or fit to go on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture binary.
-    invert: exchange shape and ground. watch: called with a Record after every round. ramp: half-width in pixels of the
-    picture's edges; None for a picture like any other, 1/sqrt(2) for the paper's exact raster.
+    or a program file or fit to go on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture
+    binary. invert: exchange shape and ground. watch: called with a Record after every round. ramp: half-width in pixels
+    of the picture's edges; None for a picture like any other, 1/sqrt(2) for the paper's exact raster.
     Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
     """
     _check_request(seed, max_time, ramp)
@@ -234,26 +236,34 @@ def fit_coverage(
     start = _start(init, grammar)
     floor = noise_floor(canvas, 0.0, exact=True) if floor is None else floor
     language, settings = make_grammar(grammar, method, canvas), make_method(method, canvas, floor)
+    first = language.axiom(canvas) if start is None else start.program
+    seen = [first]
+
+    def note(record: Record, program: Program[Any]) -> None:
+        seen.append(program)
+        if watch is not None:
+            watch(record)
+
     cpu, wall = time.process_time(), time.perf_counter()
     found = descend(
-        language.axiom(canvas) if start is None else start.program,
+        first,
         language,
         ImageLoss.of(target),
         canvas,
         settings,
         np.random.default_rng(seed),
-        None if watch is None else lambda record, _: watch(record),
+        note,
         inf if max_time is None else max_time,
     )
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
-    coverage = language.rasterize(found.program, canvas).coverage
-    error = float(np.mean((coverage - target) ** 2))
+    program = _drawable(language, [*seen, found.program])
+    error = float(np.mean((language.rasterize(program, canvas).coverage - target) ** 2))
     return Fit(
-        program=found.program,
+        program=program,
         canvas=canvas,
         grammar=language,
         psnr=decibels(error),
-        outline=joined_outline(language, found.program, canvas, error),
+        outline=joined_outline(language, program, canvas, error),
         history=found.history,
         stop=found.stop,
         seconds=cpu,
@@ -266,6 +276,20 @@ def fit_coverage(
         },
         target=target,
     )
+
+
+def _drawable(grammar: Grammar[Any], programs: Sequence[Program[Any]]) -> Program[Any]:
+    """The last program whose outline bounds a region, or the first one, which does.
+
+    A program on its way may fold back on itself where Ctrl-C or the time limit ended the search.
+    """
+    for program in reversed(programs[1:]):
+        try:
+            grammar.outline(program)
+        except GeometryError:
+            continue
+        return program
+    return programs[0]
 
 
 def load_program(path: str | PathLike[str]) -> Fit:

@@ -140,8 +140,8 @@ def loads(text: str) -> ProgramFile:
 
 
 _KEYS = frozenset(
-    "format version d4cad grammar structure params canvas settings history stop psnr primitives unit loops".split()
-)
+    ("format", "version", "d4cad", "grammar", "structure", "params", "canvas", "settings", "history", "stop", "psnr")
+) | {"primitives", "unit", "loops"}
 _KINDS: dict[type, str] = {str: "text", int: "a whole number", float: "a number", list: "a list", dict: "an object"}
 
 
