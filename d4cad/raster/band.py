@@ -73,7 +73,10 @@ class SquaresTable:
 
     def value(self, band: Band) -> float:
         """Sum of squared errors of the band's program."""
-        return float(squared_error(self.target, self.runs, self.total, band.row, band.col, band.cover, band.wound, band.spans))
+        value = squared_error(
+            self.target, self.runs, self.total, band.row, band.col, band.cover, band.wound, band.spans
+        )  # fmt: skip
+        return max(0.0, float(value))  # rounding can leave a perfect fit just under 0
 
     def normal(self, band: Band) -> tuple[float, Floats, Floats]:
         """Sum of squared errors, half its gradient J'r (n,), and the Gauss-Newton matrix J'J (n, n)."""
@@ -83,7 +86,7 @@ class SquaresTable:
             self.target, self.runs, self.total, band.row, band.col, band.cover, band.wound, band.spans,
             band.piece, band.slope, band.columns, gradient, matrix,
         )  # fmt: skip
-        return float(value), gradient, matrix
+        return max(0.0, float(value)), gradient, matrix
 
 
 @nb.njit(cache=True, error_model="numpy")

@@ -45,16 +45,19 @@ class DemandPlaces:
     """Where the demand is: the deepest place of every connected region of demand above ``level``, of either sign.
 
     The depth is the distance to the region's outside (distance transform); the new circle has that radius less half a
-    pixel. Regions shallower than ``least`` pixels are left to the other rewrites; the ``most`` deepest are kept per sign.
+    pixel. Circles under ``small`` pixels of radius are left to the other rewrites as long as there are larger ones, those
+    under ``least`` always; the ``most`` deepest are kept per sign.
     """
 
     level: float = 0.5
-    least: float = 2.0
+    small: float = 2.0
+    least: float = 1.0
     most: int = 16
 
     def __call__(self, demand: Floats, inside: Floats, canvas: Canvas, rng: np.random.Generator) -> list[Place]:
         """Places for material and, with a negative radius, for holes."""
-        return self._deepest(demand > self.level, canvas, 1.0) + self._deepest(demand < -self.level, canvas, -1.0)
+        places = self._deepest(demand > self.level, canvas, 1.0) + self._deepest(demand < -self.level, canvas, -1.0)
+        return [place for place in places if abs(place[2]) >= self.small * canvas.pixel] or places
 
     def _deepest(self, wanted: np.ndarray, canvas: Canvas, sign: float) -> list[Place]:
         rows, cols = np.flatnonzero(wanted.any(axis=1)), np.flatnonzero(wanted.any(axis=0))
