@@ -19,6 +19,7 @@ from d4cad.errors import D4cadError, InputError
 from d4cad.fit import Fit, fit_coverage, fit_image
 from d4cad.grammars.arc_line import ArcLine, Structure
 from d4cad.program import Floats, Program
+from d4cad.registry import make_grammar, make_method
 from d4cad.sketch import Loop, Sketch
 
 RESOLUTION = 256
@@ -30,7 +31,11 @@ SAME_CURVE = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What to fit and how. limit: shapes of each set, None for all. jobs: processes. max_time: seconds a shape."""
+    """What to fit and how.
+
+    limit: shapes of each set, None for all. jobs: processes. max_time: seconds a shape. Raises InputError where a
+    number or a name makes no sense.
+    """
 
     data: Path
     out: Path
@@ -47,6 +52,9 @@ class Request:
             raise InputError(f"the limit must be 1 or more, got {self.limit}")
         if self.jobs < 1:
             raise InputError(f"the number of jobs must be 1 or more, got {self.jobs}")
+        canvas = Canvas.square(RESOLUTION)
+        make_grammar(self.grammar, self.method, canvas)
+        make_method(self.method, canvas, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,9 +114,12 @@ def shapes(folder: Path, limit: int | None) -> list[Case]:
 def _read_set(path: Path) -> list[Case]:
     try:
         entries = json.loads(path.read_text(encoding="utf-8"))
-        return [Case(path.stem, int(entry["index"]), list(entry["loops"])) for entry in entries]
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} is not a list of shapes with index and loops ({type(error).__name__})") from None
+        cases = [Case(path.stem, int(entry["index"]), list(entry["loops"])) for entry in entries]
+    except (ValueError, KeyError, TypeError):
+        cases = []
+    if not cases:
+        raise InputError(f"{path} is not a list of shapes with index and loops")
+    return cases
 
 
 def solve(case: Case, request: Request) -> Row:

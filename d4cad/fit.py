@@ -31,6 +31,9 @@ from d4cad.sketch import Sketch
 PICTURE_RAMP = 0.5
 """Half-width in pixels of the ramp for pictures: nearest to the area coverage that renderers make."""
 
+MARGIN = 8
+"""Pixels of ground that are put around a picture whose shape touches its border."""
+
 JOINING = (1e-4, 0.05)
 """Least and largest tolerance in pixels within which neighbouring edges are joined."""
 
@@ -197,9 +200,10 @@ def fit_image(
     _check_request(seed, max_time, ramp)
     start = _start(init, grammar)
     picture = load(image, threshold=threshold, invert=invert)
-    canvas = Canvas.for_image(picture.target.shape, ramp or PICTURE_RAMP)
+    target = _framed(picture.target)
+    canvas = Canvas.for_image(target.shape, ramp or PICTURE_RAMP)
     fit = fit_coverage(
-        picture.target,
+        target,
         canvas,
         method=method,
         grammar=grammar,
@@ -276,6 +280,12 @@ def fit_coverage(
         },
         target=target,
     )
+
+
+def _framed(target: Floats) -> Floats:
+    """The target with a margin of ground where the shape runs up to the picture's border: the part ends there too."""
+    border = np.concatenate([target[0], target[-1], target[:, 0], target[:, -1]])
+    return np.pad(target, MARGIN) if np.any(border > 0.5) else target
 
 
 def _drawable(grammar: Grammar[Any], programs: Sequence[Program[Any]]) -> Program[Any]:
