@@ -31,16 +31,19 @@ def boxes(x, y, owner, ends, pieces, n):
 def share(table, e, px, py):
     """How far along the edge a point of it lies, as a share of its length (of its sweep): 0 at the start, 1 at the end.
 
-    On an arc by the tangent-chord angle: the sweep to q is theta plus twice the angle from the chord to q - z0.
+    On an arc by the inscribed angle: seen from an end, the chord and the point enclose half the sweep between the point
+    and the other end. Asked of the farther end, because the direction to a point nearby is mostly rounding.
     """
     dx, dy = px - table[e, X0], py - table[e, Y0]
     u = dx * table[e, CX] + dy * table[e, SX]
     v = dx * table[e, SX] - dy * table[e, CX]
-    b = table[e, BULGE]
+    b, length = table[e, BULGE], table[e, LENGTH]
     if b == 0.0:
-        return u / table[e, LENGTH]
-    theta = 4.0 * math.atan(b)
-    return 1.0 - 2.0 * math.atan2(v, u) / theta
+        return u / length
+    half = 2.0 * math.atan(b)
+    if u + u > length:
+        return 1.0 - math.atan2(v, u) / half
+    return math.atan2(v, length - u) / half
 
 
 @nb.njit(cache=True, inline="always")

@@ -30,7 +30,7 @@ def repair(x, y, b, arc, nxt):
 
     Returns (x, y, b, arc, sizes, vertex, edge, changed): the loops stored one after another, sizes (loops,) int64,
     vertex and edge (n,) int64: the old vertex whose place, the old edge whose bulge each new one keeps, or -1.
-    A shape of which nothing would remain comes back as it was.
+    A shape of which nothing would remain comes back unchanged.
     """
     n = x.shape[0]
     vertex = np.arange(n)
