@@ -17,8 +17,12 @@ from d4cad.errors import ExportError, InputError
 from d4cad.loop import Circle, Loop
 from d4cad.sketch import Face, Sketch
 
-FLATTEST = 1e7
-"""Radius in mm above which an arc is passed on as a line: rounding there is as large as CONFUSION."""
+FLATTEST = 3e7
+"""Radius in mm above which an arc is passed on as a line: further on rounding nears CONFUSION."""
+
+CAUTIOUS = 3e5
+"""The same for a face that the kernel finds invalid: from here to 1e6 mm about 1% of valid corners between an arc and
+another edge are called crossings by its checker (seen in 7.9 and 8.0). Over a chord of 50 mm the line is 1 um off."""
 
 CONFUSION = 1e-7
 """OpenCASCADE's tolerance in mm: an arc with less sagitta is a line to it."""
@@ -82,7 +86,7 @@ def faces(sketch: Sketch) -> list[Any]:
     require_kernel()
     require_mm(sketch)
     with kernel_errors():
-        return [_face(face) for face in sketch.faces]
+        return [_face(face, FLATTEST) for face in sketch.faces]
 
 
 def solids(sketch: Sketch, thickness: float) -> list[Any]:
@@ -91,16 +95,20 @@ def solids(sketch: Sketch, thickness: float) -> list[Any]:
     Raises InputError for a thickness that is not positive, ExportError if the kernel is missing or its result invalid.
     """
     height = require_thickness(thickness)
-    flat = faces(sketch)
-    gp, prism = import_module("OCP.gp"), import_module("OCP.BRepPrimAPI")
-    up = gp.gp_Vec(0.0, 0.0, height)
+    require_kernel()
+    require_mm(sketch)
     with kernel_errors():
-        found = [prism.BRepPrimAPI_MakePrism(face, up).Shape() for face in flat]
-    for k, solid in enumerate(found):
-        if not is_valid(solid):
-            x, y = sketch.faces[k].outer.points[0]
-            raise ExportError(f"the CAD kernel finds solid {k} at ({x:g}, {y:g}) mm invalid")
-    return found
+        return [_solid(face, height) for face in sketch.faces]
+
+
+def _solid(face: Face, height: float) -> Any:
+    up = import_module("OCP.gp").gp_Vec(0.0, 0.0, height)
+    for flattest in (FLATTEST, CAUTIOUS):
+        solid = import_module("OCP.BRepPrimAPI").BRepPrimAPI_MakePrism(_face(face, flattest), up).Shape()
+        if is_valid(solid):
+            return solid
+    x, y = face.outer.points[0]
+    raise ExportError(f"the CAD kernel finds the solid at ({x:g}, {y:g}) mm invalid")
 
 
 def compound(shapes: list[Any]) -> Any:
@@ -127,19 +135,19 @@ def volume(shape: Any) -> float:
     return float(properties.Mass())
 
 
-def _face(face: Face) -> Any:
+def _face(face: Face, flattest: float) -> Any:
     gp, api = import_module("OCP.gp"), import_module("OCP.BRepBuilderAPI")
     plane = gp.gp_Pln(gp.gp_Pnt(0, 0, 0), gp.gp_Dir(0, 0, 1))
-    maker = api.BRepBuilderAPI_MakeFace(plane, _wire(face.outer), True)
+    maker = api.BRepBuilderAPI_MakeFace(plane, _wire(face.outer, flattest), True)
     for hole in face.holes:
-        maker.Add(_wire(hole))
+        maker.Add(_wire(hole, flattest))
     if not maker.IsDone():
         x, y = face.outer.points[0]
         raise ExportError(f"the CAD kernel made no face of the loop at ({x:g}, {y:g}) mm")
     return maker.Face()
 
 
-def _wire(loop: Loop) -> Any:
+def _wire(loop: Loop, flattest: float) -> Any:
     gp, api = import_module("OCP.gp"), import_module("OCP.BRepBuilderAPI")
     maker = api.BRepBuilderAPI_MakeWire()
     circle = loop.circle
@@ -148,19 +156,19 @@ def _wire(loop: Loop) -> Any:
         return maker.Wire()
     vertices = [api.BRepBuilderAPI_MakeVertex(gp.gp_Pnt(x, y, 0)).Vertex() for x, y in loop.points]
     for i in range(len(vertices)):
-        maker.Add(_edge(loop, i, vertices))
+        maker.Add(_edge(loop, i, vertices, flattest))
     if not maker.IsDone():
         x, y = loop.points[0]
         raise ExportError(f"the CAD kernel could not close the loop at ({x:g}, {y:g}) mm")
     return maker.Wire()
 
 
-def _edge(loop: Loop, i: int, vertices: list[Any]) -> Any:
+def _edge(loop: Loop, i: int, vertices: list[Any], flattest: float) -> Any:
     api = import_module("OCP.BRepBuilderAPI")
     j = (i + 1) % len(vertices)
     (x0, y0), (x1, y1), b = loop.points[i], loop.points[j], loop.bulges[i]
     chord = ((x1 - x0) ** 2 + (y1 - y0) ** 2) ** 0.5
-    if abs(b) * chord / 2 < CONFUSION or chord * (1 + b * b) > 4 * abs(b) * FLATTEST:
+    if abs(b) * chord / 2 < CONFUSION or chord * (1 + b * b) > 4 * abs(b) * flattest:
         maker = api.BRepBuilderAPI_MakeEdge(vertices[i], vertices[j])
     else:
         radius = chord * (1 + b * b) / (4 * abs(b))

@@ -46,8 +46,8 @@ def quarters() -> Sketch:
 
 
 def flat_arcs() -> Sketch:
-    """Arcs of 2 m radius beside lines."""
-    return Sketch.from_loops([Loop(((0, 0), (50, 0), (50, 30), (0, 30)), (0.006, 0.0, -0.006, 0.0))], "mm")
+    """Arcs of 2 m to 10 km radius beside lines."""
+    return Sketch.from_loops([Loop(((0, 0), (50, 0), (50, 30), (0, 30)), (0.006, 0.0, -1.25e-6, 1e-5))], "mm")
 
 
 SKETCHES = {"plate": plate, "quarters": quarters, "flat arcs": flat_arcs}
@@ -163,6 +163,18 @@ def test_arcs_too_flat_for_the_kernel_are_lines(tmp_path: Path) -> None:
     exporters.write(Sketch.from_loops([loop], "mm"), path, thickness=1)
     assert occ.is_valid(read_step(path))
     assert occ.volume(read_step(path)) == pytest.approx(1500, rel=1e-6)
+
+
+def test_wart_a_corner_that_the_kernel_wrongly_calls_a_crossing_is_exported(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = ((37.25064615349853, 18.707977642331024), (27.914422100380804, 18.359604236328025))
+    points = (*points, (34.32274020344159, 28.800198645701435))
+    sketch = Sketch.from_loops([Loop(points, (-2.265061094414656e-06, -0.027213909162756286, 0.0))], "mm")
+    (solid,) = occ.solids(sketch, 3)
+    assert occ.is_valid(solid)
+    assert occ.volume(solid) == pytest.approx(3 * sketch.area, rel=1e-5)
+    monkeypatch.setattr(occ, "CAUTIOUS", occ.FLATTEST)  # when this no longer raises, CAUTIOUS can go
+    with pytest.raises(ExportError, match="invalid"):
+        occ.solids(sketch, 3)
 
 
 @pytest.mark.parametrize("name", SKETCHES)
