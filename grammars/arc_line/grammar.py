@@ -13,7 +13,7 @@ from d4cad.canvas import Canvas
 from d4cad.errors import GrammarError
 from d4cad.grammars.arc_line.places import DemandPlaces, Places
 from d4cad.grammars.arc_line.repair import compact, repair
-from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, candidates, rewrite, touched
+from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, candidates, rewrite, slits, touched
 from d4cad.grammars.arc_line.structure import Shape, Structure, from_shape, parameter_origin, to_shape
 from d4cad.grammars.arc_line.trials import trials
 from d4cad.program import Edit, Floats, Program, Rewrite
@@ -42,13 +42,15 @@ class ArcLine:
 
     pixel: the world length that counts as one pixel in guards and repair. rules: the names of the rewrites in use.
     places: where new loops are proposed. lossy: a merge or removal is proposed if it moves the outline by at most so many
-    pixels as the guards estimate it; the trial decides.
+    pixels as the guards estimate it; the trial decides. slit: the greatest width in pixels of a slit or thin wall that a
+    pinch closes.
     """
 
     pixel: float = 3 / 256
     rules: frozenset[str] = frozenset(RULES)
     places: Places = field(default_factory=DemandPlaces)
     lossy: float = 12.0
+    slit: float = 3.0
 
     @property
     def name(self) -> str:
@@ -71,7 +73,15 @@ class ArcLine:
     def growth(self, program: Program[Structure], rewrite: Rewrite) -> float:
         """Change of the number of edges."""
         rule = RULES[rewrite.rule]
-        return -len(rewrite.sites) if rule == Rule.REMOVE_LOOP else GROWTH[rule]
+        if rule == Rule.REMOVE_LOOP or rule == Rule.PINCH:
+            return -float(len(rewrite.sites)) if rule == Rule.REMOVE_LOOP else self._pinched(program, rewrite)
+        return GROWTH[rule]
+
+    def _pinched(self, program: Program[Structure], rewrite: Rewrite) -> float:
+        """New edges that are points go, and with them the tip of the slit if it is one edge."""
+        nxt = program.structure.layout.nxt
+        i, j = (int(edge) for edge in rewrite.data[:2])
+        return -sum(p + float(nxt[nxt[k]] == o) for k, o, p in ((j, i, rewrite.data[2]), (i, j, rewrite.data[3])))
 
     def rasterize(self, program: Program[Structure], canvas: Canvas) -> Band:
         """Coverage and its derivative by the program's parameters."""
@@ -104,6 +114,11 @@ class ArcLine:
         for rule, site, touches in zip(rules.tolist(), sites.tolist(), marks.tolist(), strict=True):
             if NAMES[rule] in self.rules:
                 found.append(Rewrite(NAMES[rule], frozenset((site, *touches)) - {-1, len(shape.x)}, (float(site),)))
+        if "pinch" in self.rules:
+            pairs = slits(shape.x, shape.y, shape.b, shape.nxt, self.slit)
+            for i, j, points in zip(*(part.tolist() for part in pairs), strict=True):
+                ends = frozenset((i, j, int(shape.nxt[i]), int(shape.nxt[j])))
+                found.append(Rewrite("pinch", ends, (float(i), float(j), *map(float, points))))
         if "remove-loop" in self.rules and len(program.structure.sizes) > 1:
             start = 0
             for size in program.structure.sizes:
@@ -127,8 +142,9 @@ class ArcLine:
         fresh_b: list[int] = []
         for item in rewrites:
             rule, site = RULES[item.rule], int(item.data[0])
-            free, own = touched(rule, site, nxt, prv, used, vertices, edges)
-            used = rewrite(rule, site, self._data(item), x, y, b, arc, nxt, prv, used)
+            data = _data(item, 1 / self.pixel)
+            free, own = touched(rule, site, data, nxt, prv, used, vertices, edges)
+            used = rewrite(rule, site, data, x, y, b, arc, nxt, prv, used)
             if item.fit is not None and free:
                 x[vertices[:free]], y[vertices[:free]] = item.fit[0 : 2 * free : 2], item.fit[1 : 2 * free : 2]
                 bent = [e for e in edges[:own] if arc[e]]
@@ -144,12 +160,6 @@ class ArcLine:
         changed = from_shape(Shape(x, y, b, arc, nxt), sizes, 1 / self.pixel)
         return Edit(changed, parameter_origin(vertex, edge, arc, layout))
 
-    def _data(self, item: Rewrite) -> Floats:
-        """The numbers of a rewrite in pixels, (3,)."""
-        data = np.zeros(3)
-        data[: len(item.data) - 1] = np.array(item.data[1:]) / self.pixel
-        return data
-
     def local_trials(
         self, program: Program[Structure], rewrites: Sequence[Rewrite], loss: Any, canvas: Canvas, price: float, steps: int
     ) -> list[Trial]:
@@ -160,7 +170,7 @@ class ArcLine:
         rules = np.array([RULES[r.rule] for r in rewrites], np.int64)
         sites = np.array([int(r.data[0]) for r in rewrites], np.int64)
         middle = np.array([canvas.width / 2, canvas.height / 2, 0.0])
-        data = np.array([[*r.data[1:], 0.0, 0.0, 0.0][:3] for r in rewrites]) / canvas.pixel + middle
+        data = np.array([_data(r, 1 / canvas.pixel, middle) for r in rewrites])
         table = loss.table
         cost = price * np.array([self.growth(program, r) for r in rewrites])
         gain, free, fit = trials(
@@ -205,6 +215,13 @@ class ArcLine:
 def _on(program: Program[Structure], canvas: Canvas) -> Shape:
     """The program's loops in the canvas' pixels."""
     return to_shape(program, 1 / canvas.pixel, canvas.width / 2, canvas.height / 2)
+
+
+def _data(item: Rewrite, scale: float, shift: Floats | float = 0.0) -> Floats:
+    """The numbers of a rewrite as the kernels take them, (3,): a circle in pixels, or an edge."""
+    if item.rule == "add-loop":
+        return np.array(item.data[1:]) * scale + shift
+    return np.array([*item.data[1:], 0.0, 0.0, 0.0][:3])
 
 
 def _before(nxt: NDArray[np.int64]) -> NDArray[np.int64]:

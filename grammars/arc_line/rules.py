@@ -36,6 +36,10 @@ class Rule(IntEnum):
     """The loop of vertex i goes."""
     SPLIT_LINES = 8
     """Arc i into two lines through its apex."""
+    PINCH = 9
+    """Edges i and j, the two sides of a slit or of a thin wall, swap their ends, and the slit is gone.
+
+    data = (j, p, q): whether the new edge from i's start to j's end, and the one from j's start to i's end, is a point."""
 
 
 NEW_VERTICES = 4
@@ -50,6 +54,20 @@ def rewrite(rule, site, data, x, y, b, arc, nxt, prv, n):
     """
     i = site
     j = nxt[i]
+    if rule == Rule.PINCH:
+        c = int(data[0])
+        d = nxt[c]
+        longer = i if math.hypot(x[j] - x[i], y[j] - y[i]) > math.hypot(x[d] - x[c], y[d] - y[c]) else c
+        length = math.hypot(x[nxt[longer]] - x[longer], y[nxt[longer]] - y[longer])
+        bulge, bent = b[longer], arc[longer]
+        for start, end, point in ((i, d, data[1]), (c, j, data[2])):
+            if point != 0.0:
+                _join(start, end, x, y, nxt, prv)
+            else:
+                nxt[start], prv[end] = end, start
+                arc[start] = bent
+                b[start] = sub_bulge(bulge, min(1.0, math.hypot(x[end] - x[start], y[end] - y[start]) / length))
+        return n
     if rule == Rule.SPLIT or rule == Rule.SPLIT_LINES:
         x[n], y[n] = apex(x[i], y[i], x[j], y[j], b[i])
         arc[n] = arc[i] and rule == Rule.SPLIT
@@ -90,6 +108,18 @@ def rewrite(rule, site, data, x, y, b, arc, nxt, prv, n):
     return n
 
 
+@nb.njit(cache=True)
+def _join(end, start, x, y, nxt, prv):
+    """Let what comes in at ``end`` go out at ``start``, in the middle of both; an edge from start to end goes too."""
+    before = prv[end]
+    x[start], y[start] = 0.5 * (x[start] + x[end]), 0.5 * (y[start] + y[end])
+    _remove(end, x, y, nxt, prv)
+    if before == start:
+        _remove(start, x, y, nxt, prv)
+    else:
+        nxt[before], prv[start] = start, before
+
+
 @nb.njit(cache=True, inline="always")
 def _remove(i, x, y, nxt, prv):
     """Leave vertex i pointing at itself, far below every canvas, where no kernel meets it."""
@@ -98,7 +128,7 @@ def _remove(i, x, y, nxt, prv):
 
 
 @nb.njit(cache=True)
-def touched(rule, site, nxt, prv, n, vertices, edges):
+def touched(rule, site, data, nxt, prv, n, vertices, edges):
     """What a rewrite touches, asked *before* it is applied.
 
     Fills ``vertices`` (4,) with the ends of the edges that it makes or changes (-1: none), those whose places a trial may
@@ -127,6 +157,21 @@ def touched(rule, site, nxt, prv, n, vertices, edges):
         vertices[0], vertices[1], vertices[2] = i, prv[i], nxt[j]
         edges[0], edges[1] = prv[i], i
         return 1, 2
+    if rule == Rule.PINCH:
+        c = int(data[0])
+        d = nxt[c]
+        # A tip of one edge vanishes with its slit.
+        free, own = 0, 0
+        for start, end, point in ((i, d, data[1]), (c, j, data[2])):
+            if point == 0.0:
+                vertices[free], vertices[free + 1] = start, end
+                edges[own] = start
+                free += 2
+                own += 1
+            elif prv[start] != end:
+                vertices[free] = end
+                free += 1
+        return free, own
     return 0, 0
 
 
@@ -143,6 +188,7 @@ def candidates(x, y, b, arc, nxt, prv, sizes, lossy):
     marks = np.empty((6 * n, 4), np.int64)
     edges = np.empty(4, np.int64)
     vertices = np.empty(4, np.int64)
+    data = np.zeros(3)
     k = 0
     for i in range(n):
         j, p = nxt[i], prv[i]
@@ -162,11 +208,53 @@ def candidates(x, y, b, arc, nxt, prv, sizes, lossy):
                 continue
             if rule == Rule.CLOSE and math.hypot(x[j] - x[i], y[j] - y[i]) > lossy:
                 continue
-            touched(rule, i, nxt, prv, n, vertices, edges)
+            touched(rule, i, data, nxt, prv, n, vertices, edges)
             rules[k], sites[k] = rule, i
             marks[k] = vertices
             k += 1
     return rules[:k], sites[:k], marks[:k]
+
+
+@nb.njit(cache=True)
+def slits(x, y, b, nxt, width):
+    """Pairs of nearly straight edges that run side by side in opposite directions, nowhere further apart than ``width``.
+
+    Returns i, j (k,) int64 and points (k, 2) bool: whether the start of i and the end of j, and the start of j and the end
+    of i, are within ``width``, so that the edge between them would be a point.
+    """
+    n = x.shape[0]
+    first, second = np.empty(n, np.int64), np.empty(n, np.int64)
+    points = np.empty((n, 2), np.bool_)
+    k = 0
+    for i in range(n):
+        end = nxt[i]
+        ux, uy = x[end] - x[i], y[end] - y[i]
+        length = math.hypot(ux, uy)
+        if length <= width or abs(b[i]) * length > 2.0 * width:
+            continue
+        ux, uy = ux / length, uy / length
+        for j in range(i + 1, n):
+            last = nxt[j]
+            size = math.hypot(x[last] - x[j], y[last] - y[j])
+            if size <= width or abs(b[j]) * size > 2.0 * width or end == j or last == i or k == n:
+                continue
+            from_u, to_u = (x[j] - x[i]) * ux + (y[j] - y[i]) * uy, (x[last] - x[i]) * ux + (y[last] - y[i]) * uy
+            if from_u - to_u <= 0.9 * size or min(from_u, length) - max(to_u, 0.0) <= width:
+                continue
+            from_v, to_v = (x[j] - x[i]) * uy - (y[j] - y[i]) * ux, (x[last] - x[i]) * uy - (y[last] - y[i]) * ux
+            near, far = max(to_u, 0.0), min(from_u, length)
+            slope = (from_v - to_v) / (from_u - to_u)
+            if abs(to_v + slope * (near - to_u)) > width or abs(to_v + slope * (far - to_u)) > width:
+                continue
+            ad = math.hypot(x[i] - x[last], y[i] - y[last]) <= width
+            cb = math.hypot(x[end] - x[j], y[end] - y[j]) <= width
+            whole = ad and cb and nxt[last] == i and nxt[end] == j  # nothing else in the loop
+            if whole or (nxt[last] == i and not ad) or (nxt[end] == j and not cb):
+                continue
+            first[k], second[k] = i, j
+            points[k, 0], points[k, 1] = ad, cb
+            k += 1
+    return first[:k], second[:k], points[:k]
 
 
 @nb.njit(cache=True)

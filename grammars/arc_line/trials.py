@@ -99,7 +99,7 @@ def _trial(rule, site, data, cost, shape, room, target, runs, squares, ramp, ste
         x[k], y[k], b[k], arc[k], nxt[k], prv[k] = -1e7, -1e7, 0.0, False, k, k
     vertices = np.empty(4, np.int64)
     own = np.empty(4, np.int64)
-    free, own_count = touched(rule, site, nxt, prv, n, vertices, own)
+    free, own_count = touched(rule, site, data, nxt, prv, n, vertices, own)
 
     box = np.array((np.inf, np.inf, -np.inf, -np.inf))
     if rule == Rule.REMOVE_LOOP:
@@ -118,6 +118,10 @@ def _trial(rule, site, data, cost, shape, room, target, runs, squares, ramp, ste
             _stretch_edge(box, x, y, b, nxt, site)
         if rule == Rule.CLOSE:
             _stretch_edge(box, x, y, b, nxt, nxt[site])
+        if rule == Rule.PINCH:
+            other = int(data[0])
+            for e in (other, nxt[site], nxt[other], prv[site], prv[other]):
+                _stretch_edge(box, x, y, b, nxt, e)
     used = rewrite(rule, site, data, x, y, b, arc, nxt, prv, n)
     columns = np.full((n + NEW_VERTICES, 5), -1)
     size = 2 * free
