@@ -23,6 +23,9 @@ and L (1 - b^2) / 2."""
 AT_EDGE, AT_START, AT_END = 0, 1, 2
 """What a pixel is nearest to: the inside of its edge, or one of its vertices."""
 
+ON_EDGE = 1e-9
+"""A pixel centre nearer to its edge than this (px) lies on it: rounding would decide on which side."""
+
 
 @nb.njit(cache=True, inline="always", error_model="numpy")
 def _distance(u, v, length, b, cos, sin, radius, flat):
@@ -83,7 +86,7 @@ def monotone_pieces(table, x, y, nxt, owner, ends):
     for e in range(table.shape[0]):
         xa, ya = x[e], y[e]
         b = table[e, BULGE]
-        if abs(b) > 1e-9:
+        if abs(b) > 1e-15:  # a flatter arc is nowhere further from its chord than rounding
             half = 2.0 * math.atan(b)
             start = math.atan2(table[e, SX], table[e, CX]) - half
             turn = 2.0 * half
@@ -326,8 +329,8 @@ def _slope(table, e, px, py, d, where, inside, ramp, slope, s):
         nu, nv = 0.0, 1.0
     qu = u - d * nu
     qv = v - d * nv
-    # sdf = d where the inside is left of travel, else -d; on the edge itself (d = 0) the inside counts as left.
-    left = (d <= 0.0) == inside or d == 0.0
+    # sdf = d where the inside is left of travel, else -d; on the edge itself the inside counts as left.
+    left = (d <= 0.0) == inside or abs(d) < ON_EDGE
     grow = (1.0 if left else -1.0) / (2.0 * ramp)  # coverage grows when the edge moves along n
     nx = grow * (nu * cx + nv * sx)
     ny = grow * (nu * sx - nv * cx)
