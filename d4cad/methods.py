@@ -27,7 +27,7 @@ def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
 
     ``floor``: the last price of a primitive, in summed squared error (pixels); the noise of the picture sets it.
     """
-    prices = [0.65]
+    prices = [max(0.65, floor)]
     while prices[-1] > floor * 1.001:
         prices.append(max(prices[-1] / 10, floor))
     wide = [Stage(ramp, prices[0] / canvas.size, rounds=1) for ramp in (3.0,) if ramp > canvas.ramp]

@@ -17,6 +17,7 @@ from d4cad.protocols import Grammar
 
 PAPER_LOSSY = 0.03
 """World length by which the paper lets a lossy rewrite move the outline (SPEC 3)."""
+PAPER_RULES = ("split", "to-arc", "to-line", "merge-line", "merge-arc", "close", "add-loop", "remove-loop")
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +32,8 @@ class Entry:
 
 
 def _paper_arc_line(canvas: Canvas) -> ArcLine:
-    rules = ArcLine().rules - {"split-lines"}
-    return ArcLine(canvas.pixel, rules, UniformPlaces(), PAPER_LOSSY / canvas.pixel)
+    rules = frozenset(PAPER_RULES)
+    return ArcLine(canvas.pixel, rules, UniformPlaces(), PAPER_LOSSY / canvas.pixel, arc_weight=1.0)
 
 
 GRAMMARS = {

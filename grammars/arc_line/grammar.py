@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from d4cad.canvas import Canvas
 from d4cad.errors import GrammarError
@@ -29,12 +28,6 @@ NAMES = {int(rule): rule.name.lower().replace("_", "-") for rule in Rule}
 RULES = {name: rule for rule, name in NAMES.items()}
 """Numbers of the rules by their names."""
 
-GROWTH = {
-    Rule.SPLIT: 1.0, Rule.SPLIT_LINES: 1.0, Rule.TO_ARC: 0.0, Rule.TO_LINE: 0.0,
-    Rule.MERGE_LINE: -1.0, Rule.MERGE_ARC: -1.0, Rule.CLOSE: -1.0, Rule.ADD_LOOP: 4.0,
-}  # fmt: skip
-"""By how many edges each rule changes a program; removing a loop takes all of its edges."""
-
 
 @dataclass(frozen=True, slots=True)
 class ArcLine:
@@ -43,7 +36,7 @@ class ArcLine:
     pixel: the world length that counts as one pixel in guards and repair. rules: the names of the rewrites in use.
     places: where new loops are proposed. lossy: a merge or removal is proposed if it moves the outline by at most so many
     pixels as the guards estimate it; the trial decides. slit: the greatest width in pixels of a slit or thin wall that a
-    pinch closes.
+    pinch closes. arc_weight: the complexity of an arc, a line's being 1: it has three numbers where a line has two.
     """
 
     pixel: float = 3 / 256
@@ -51,6 +44,7 @@ class ArcLine:
     places: Places = field(default_factory=DemandPlaces)
     lossy: float = 12.0
     slit: float = 3.0
+    arc_weight: float = 1.5
 
     @property
     def name(self) -> str:
@@ -63,25 +57,33 @@ class ArcLine:
         return Program(Structure((4,), (False,) * 4), np.array([ex, 0.0, 0.0, ey, -ex, 0.0, 0.0, -ey]))
 
     def complexity(self, program: Program[Structure]) -> float:
-        """Number of edges."""
-        return float(len(program.structure.arcs))
+        """Number of edges, arcs counted by their weight."""
+        arcs = sum(program.structure.arcs)
+        return len(program.structure.arcs) + (self.arc_weight - 1) * arcs
 
     def primitives(self, program: Program[Structure]) -> int:
         """Number of edges."""
         return len(program.structure.arcs)
 
     def growth(self, program: Program[Structure], rewrite: Rewrite) -> float:
-        """Change of the number of edges."""
-        rule = RULES[rewrite.rule]
-        if rule == Rule.REMOVE_LOOP or rule == Rule.PINCH:
-            return -float(len(rewrite.sites)) if rule == Rule.REMOVE_LOOP else self._pinched(program, rewrite)
-        return GROWTH[rule]
-
-    def _pinched(self, program: Program[Structure], rewrite: Rewrite) -> float:
-        """New edges that are points go, and with them the tip of the slit if it is one edge."""
-        nxt = program.structure.layout.nxt
-        i, j = (int(edge) for edge in rewrite.data[:2])
-        return -sum(p + float(nxt[nxt[k]] == o) for k, o, p in ((j, i, rewrite.data[2]), (i, j, rewrite.data[3])))
+        """Change of the complexity."""
+        rule, arcs, arc = RULES[rewrite.rule], program.structure.arcs, self.arc_weight
+        i = int(rewrite.data[0])
+        if rule == Rule.ADD_LOOP:
+            return 4 * arc
+        here = arc if arcs[i] else 1.0
+        if rule == Rule.SPLIT or rule == Rule.CLOSE:
+            return here if rule == Rule.SPLIT else -here
+        if rule == Rule.TO_ARC or rule == Rule.TO_LINE:
+            return (arc if rule == Rule.TO_ARC else 1.0) - here
+        if rule == Rule.SPLIT_LINES:
+            return 2.0 - here
+        if rule == Rule.REMOVE_LOOP:
+            return -sum(arc if arcs[k] else 1.0 for k in rewrite.sites)
+        if rule == Rule.PINCH:
+            return self.complexity(self.apply(program, [rewrite]).program) - self.complexity(program)
+        before = arc if arcs[program.structure.layout.prv[i]] else 1.0
+        return (arc if rule == Rule.MERGE_ARC else 1.0) - here - before
 
     def rasterize(self, program: Program[Structure], canvas: Canvas) -> Band:
         """Coverage and its derivative by the program's parameters."""
@@ -109,7 +111,7 @@ class ArcLine:
         """All rewrites of the enabled rules whose guards allow them."""
         shape = to_shape(program, 1 / self.pixel)
         sizes = np.repeat(program.structure.sizes, program.structure.sizes)
-        rules, sites, marks = candidates(*shape, _before(shape.nxt), sizes, self.lossy)
+        rules, sites, marks = candidates(*shape, program.structure.layout.prv, sizes, self.lossy)
         found = []
         for rule, site, touches in zip(rules.tolist(), sites.tolist(), marks.tolist(), strict=True):
             if NAMES[rule] in self.rules:
@@ -136,7 +138,7 @@ class ArcLine:
         n, room = len(shape.x), len(shape.x) + NEW_VERTICES * len(rewrites)
         x, y, b, arc, nxt = (np.concatenate([part, np.zeros(room - n, part.dtype)]) for part in shape)
         nxt[n:] = np.arange(n, room)
-        prv = np.concatenate([_before(shape.nxt), np.arange(n, room)])
+        prv = np.concatenate([program.structure.layout.prv, np.arange(n, room)])
         used = n
         vertices, edges = np.empty(4, np.int64), np.empty(4, np.int64)
         fresh_b: list[int] = []
@@ -174,7 +176,7 @@ class ArcLine:
         table = loss.table
         cost = price * np.array([self.growth(program, r) for r in rewrites])
         gain, free, fit = trials(
-            rules, sites, data, cost * canvas.size, *shape, _before(shape.nxt), table.target, table.runs, table.squares, canvas.ramp, steps
+            rules, sites, data, cost * canvas.size, *shape, program.structure.layout.prv, table.target, table.runs, table.squares, canvas.ramp, steps
         )
         scale = canvas.pixel / self.pixel
         fitted = []
@@ -222,11 +224,3 @@ def _data(item: Rewrite, scale: float, shift: Floats | float = 0.0) -> Floats:
     if item.rule == "add-loop":
         return np.array(item.data[1:]) * scale + shift
     return np.array([*item.data[1:], 0.0, 0.0, 0.0][:3])
-
-
-def _before(nxt: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The vertex before each."""
-    prv = np.empty_like(nxt)
-    prv[nxt] = np.arange(len(nxt))
-    return prv
-

@@ -38,22 +38,25 @@ class Structure:
         for size in self.sizes:
             nxt[start + size - 1] = start
             start += size
+        prv = np.empty_like(nxt)
+        prv[nxt] = np.arange(n)
         arc = np.array(self.arcs, dtype=np.bool_)
         bulge = np.where(arc, 2 * n + np.cumsum(arc) - 1, -1).astype(np.int64)
         vertex = np.arange(n, dtype=np.int64)
         columns = np.stack([2 * vertex, 2 * vertex + 1, 2 * nxt, 2 * nxt + 1, bulge], axis=1)
-        return Layout(nxt, arc, np.flatnonzero(arc), columns, 2 * n + int(arc.sum()))
+        return Layout(nxt, prv, arc, np.flatnonzero(arc), columns, 2 * n + int(arc.sum()))
 
 
 class Layout(NamedTuple):
     """Index arrays of a structure of n edges.
 
-    nxt: (n,) int64, the vertex at which each edge ends. arc: (n,) bool. arc_edges: indices of the arcs.
+    nxt: (n,) int64, the vertex at which each edge ends; prv: (n,) int64, the one before. arc: (n,) bool. arc_edges: indices of the arcs.
     columns: (n, 5) int64, the parameters of an edge: x, y of its start, x, y of its end, its bulge (-1: a line).
     size: number of parameters.
     """
 
     nxt: NDArray[np.int64]
+    prv: NDArray[np.int64]
     arc: NDArray[np.bool_]
     arc_edges: NDArray[np.int64]
     columns: NDArray[np.int64]
