@@ -106,7 +106,7 @@ class Loop:
     def reversed(self) -> Loop:
         """The same curve travelled the other way, from the same first vertex."""
         points = (self.points[0], *self.points[:0:-1])
-        return Loop(points, tuple(-b for b in self.bulges[::-1]))
+        return Loop(points, tuple(0.0 - b for b in self.bulges[::-1]))
 
     def oriented(self, clockwise: bool = False) -> Loop:
         """The loop itself, or reversed, so that its interior lies to the left (to the right if ``clockwise``)."""

@@ -14,7 +14,7 @@ from math import isfinite
 from typing import Any
 
 from d4cad.errors import ExportError, InputError
-from d4cad.loop import Circle, Loop
+from d4cad.loop import Circle, Loop, Point
 from d4cad.sketch import Face, Sketch
 
 FLATTEST = 3e7
@@ -174,15 +174,17 @@ def _edge(loop: Loop, i: int, vertices: list[Any], flattest: float) -> Any:
         radius = chord * (1 + b * b) / (4 * abs(b))
         lift = (1 - b * b) / (4 * b)  # the centre is this share of the chord to the left of its middle
         center = ((x0 + x1) / 2 - lift * (y1 - y0), (y0 + y1) / 2 + lift * (x1 - x0))
-        maker = api.BRepBuilderAPI_MakeEdge(_circle(Circle(center, radius), b > 0), vertices[i], vertices[j])
+        # counted from the start: the kernel moves a start that is near, but not on, the end of its period
+        circle = _circle(Circle(center, radius), b > 0, zero=(x0 - center[0], y0 - center[1]))
+        maker = api.BRepBuilderAPI_MakeEdge(circle, vertices[i], vertices[j])
     if not maker.IsDone():
         raise ExportError(f"the CAD kernel made no edge from ({x0:g}, {y0:g}) to ({x1:g}, {y1:g}) mm, bulge {b:g}")
     return maker.Edge()
 
 
-def _circle(circle: Circle, counter_clockwise: bool) -> Any:
-    """A gp_Circ in z = 0 whose axis points up, or down for a clockwise one."""
+def _circle(circle: Circle, counter_clockwise: bool, zero: Point = (1.0, 0.0)) -> Any:
+    """A gp_Circ in z = 0 whose axis points up, or down for a clockwise one, and whose angle 0 is towards ``zero``."""
     gp = import_module("OCP.gp")
     axis = gp.gp_Dir(0, 0, 1 if counter_clockwise else -1)
     x, y = circle.center
-    return gp.gp_Circ(gp.gp_Ax2(gp.gp_Pnt(x, y, 0), axis, gp.gp_Dir(1, 0, 0)), circle.radius)
+    return gp.gp_Circ(gp.gp_Ax2(gp.gp_Pnt(x, y, 0), axis, gp.gp_Dir(*zero, 0)), circle.radius)

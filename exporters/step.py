@@ -31,22 +31,24 @@ def write_step(
     if schema not in SCHEMAS:
         raise ExportError(f"unknown STEP schema {schema!r}: known are {', '.join(SCHEMAS)}")
     shape = compound(solids(sketch, thickness))
+    text = _settled(_text(shape, schema), name)
     with replacing(path) as temporary:
-        _transfer(shape, temporary, schema)
-        text = temporary.read_text(encoding="utf-8")
-        temporary.write_text(_settled(text, name), encoding="utf-8")
+        temporary.write_text(text, encoding="ascii")
 
 
-def _transfer(shape: Any, path: Path, schema: str) -> None:
+def _text(shape: Any, schema: str) -> str:
+    """The STEP file of a shape, with every number to its last digit: the kernel's own writing keeps twelve."""
     control, status = import_module("OCP.STEPControl"), import_module("OCP.IFSelect")
     writer = control.STEPControl_Writer()  # first: it defines the settings
-    done = status.IFSelect_ReturnStatus.IFSelect_RetDone
     with _settings(SCHEMAS[schema]), _quiet(), kernel_errors():
-        writer.Model(True)  # a new model, so that the schema applies to it
-        if writer.Transfer(shape, control.STEPControl_StepModelType.STEPControl_AsIs) != done:
+        model = writer.Model(True)  # a new model, so that the schema applies to it
+        done = writer.Transfer(shape, control.STEPControl_StepModelType.STEPControl_AsIs)
+        if done != status.IFSelect_ReturnStatus.IFSelect_RetDone:
             raise ExportError("the CAD kernel could not turn the part into STEP entities")
-        if writer.Write(str(path)) != done:
-            raise ExportError("the CAD kernel could not write the STEP file")
+        lines = import_module("OCP.StepData").StepData_StepWriter(model)
+        lines.FloatWriter().SetFormat("%.16E")
+        lines.SendModel(model.Protocol())
+        return "".join(lines.Line(i).ToCString() + "\n" for i in range(1, lines.NbLines() + 1))
 
 
 @contextmanager
@@ -86,11 +88,20 @@ def _quiet() -> Iterator[None]:
 
 
 def _settled(text: str, name: str) -> str:
-    """The file with our product name, and without the time of day and the kernel's running number of products."""
+    """The file with our name, the shortest numbers, and neither time of day nor running number of products."""
+    text = re.sub(r"\n\s+(?=,?-?\d)", "", text)  # broken for the longer numbers
+    text = re.sub(r"-?\d\.\d{16}E[+-]\d+", lambda m: _shortest(float(m[0])), text)
     text = re.sub(r"(FILE_NAME\s*\(\s*'(?:[^']|'')*'\s*,\s*)'[^']*'", rf"\g<1>'{TIMESTAMP}'", text, count=1)
     text = re.sub(r"(FILE_NAME\s*\(\s*)'(?:[^']|'')*'", lambda m: f"{m[1]}'{encoded(name)}'", text, count=1)
     counter = r"(PRODUCT\s*\(\s*)'(?:[^']|'')*'\s*,\s*'(?:[^']|'')*'"
     return re.sub(counter, lambda m: f"{m[1]}'{encoded(name)}','{encoded(name)}'", text)
+
+
+def _shortest(value: float) -> str:
+    """The shortest STEP real that reads back as the same number: 3., 0.25, 1.E-07."""
+    mantissa, _, exponent = repr(value + 0.0).upper().partition("E")
+    mantissa = mantissa.removesuffix("0") if mantissa.endswith(".0") else mantissa
+    return f"{mantissa}{'' if '.' in mantissa else '.'}{'E' + exponent if exponent else ''}"
 
 
 def encoded(text: str) -> str:
