@@ -6,7 +6,6 @@ import json
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any
@@ -16,11 +15,11 @@ import numpy as np
 from d4cad import io
 from d4cad.canvas import Canvas
 from d4cad.errors import D4cadError, InputError
-from d4cad.fit import Fit, fit_coverage, fit_image
+from d4cad.fit import Fit, fit_coverage, fit_image, warm
 from d4cad.grammars.arc_line import ArcLine, Structure
 from d4cad.program import Floats, Program
 from d4cad.registry import make_grammar, make_method
-from d4cad.sketch import Loop, Sketch
+from d4cad.sketch import Sketch
 
 RESOLUTION = 256
 EXACT = 80.0
@@ -124,7 +123,7 @@ def _read_set(path: Path) -> list[Case]:
 
 def solve(case: Case, request: Request) -> Row:
     """Fit one shape, write its program file, and compare. A shape that fails becomes a row that says why."""
-    _warm(request.grammar, request.method)
+    warm(request.grammar, request.method)
     started = time.perf_counter()
     true_primitives = 0
     try:
@@ -180,14 +179,6 @@ def coverage(sketch: Sketch, canvas: Canvas) -> Floats:
     points = [x for loop in loops for point in loop.points for x in point]
     program = Program(structure, np.array([*points, *(bulge for bulge in bulges if bulge != 0)]))
     return ArcLine(canvas.pixel).rasterize(program, canvas).coverage
-
-
-@cache
-def _warm(grammar: str, method: str) -> None:
-    """Compile or load the kernels once in this process, so that no shape's time has it."""
-    square = Sketch.from_loops([Loop.polyline([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])])
-    canvas = Canvas.square(64)
-    fit_coverage(coverage(square, canvas), canvas, grammar=grammar, method=method, max_time=60.0)
 
 
 COLUMNS = (

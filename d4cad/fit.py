@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cache
 from math import inf, isfinite, log10, sqrt
 from os import PathLike
 from pathlib import Path
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from d4cad import exporters, io
 from d4cad.canvas import Canvas
 from d4cad.descent import Record, Stop, descend
+from d4cad.edgemodel import AREA_RAMP, exact, measured
 from d4cad.errors import D4cadError, ExportError, GeometryError, InputError
 from d4cad.exporters import preview
 from d4cad.exporters.svg import svg
@@ -28,14 +30,13 @@ from d4cad.protocols import Grammar
 from d4cad.registry import entry, make_grammar, make_method
 from d4cad.sketch import Sketch
 
-PICTURE_RAMP = 0.5
-"""Half-width in pixels of the ramp for pictures: nearest to the area coverage that renderers make."""
-
 MARGIN = 8
 """Pixels of ground that are put around a picture whose shape touches its border."""
 
-JOINING = (1e-4, 0.05)
+JOINING = (1e-4, 0.1)
 """Least and largest tolerance in pixels within which neighbouring edges are joined."""
+LEEWAY = 3.0
+"""That tolerance as a multiple of the root mean square distance by which the fit misses the picture's boundary."""
 
 Watch = Callable[[Record], None]
 
@@ -194,24 +195,25 @@ def fit_image(
     image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". init: "axiom",
     or a program file or fit to go on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture
     binary. invert: exchange shape and ground. watch: called with a Record after every round. ramp: half-width in pixels
-    of the picture's edges; None for a picture like any other, 1/sqrt(2) for the paper's exact raster.
+    of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster.
     Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
     """
     _check_request(seed, max_time, ramp)
     start = _start(init, grammar)
     picture = load(image, threshold=threshold, invert=invert)
     target = _framed(picture.target)
-    canvas = Canvas.for_image(target.shape, ramp or PICTURE_RAMP)
+    canvas = Canvas.for_image(target.shape, AREA_RAMP if ramp is None else ramp)
+    model = measured(target, picture.noise) if ramp is None else exact(target, canvas, picture.noise)
     fit = fit_coverage(
         target,
-        canvas,
+        canvas.with_ramp(model.ramp),
         method=method,
         grammar=grammar,
         init="axiom" if start is None else start,
         seed=seed,
         max_time=max_time,
         watch=watch,
-        floor=noise_floor(canvas, picture.noise, exact=ramp is not None),
+        floor=model.floor,
     )
     asked = {"picture": picture.name, "threshold": threshold, "invert": invert}
     return replace(fit, settings={**asked, **fit.settings}, made=Placement(dpi=picture.dpi))
@@ -231,16 +233,20 @@ def fit_coverage(
 ) -> Fit:
     """Fit a program to coverage on a canvas: (height, width) in [0, 1], row 0 lowest.
 
-    floor: the last price of a primitive for method "fast", in summed squared error; None if the target is an exact
-    raster by the canvas' own edge model. The rest as for :func:`fit_image`.
+    floor: the last price of a primitive for method "fast", in summed squared error; None if the target is a raster by
+    the canvas' own edge model. The rest as for :func:`fit_image`.
     """
     _check_request(seed, max_time)
     if target.shape != canvas.shape:
         raise InputError(f"expected a target of shape {canvas.shape}, got {target.shape}")
     start = _start(init, grammar)
-    floor = noise_floor(canvas, 0.0, exact=True) if floor is None else floor
-    language, settings = make_grammar(grammar, method, canvas), make_method(method, canvas, floor)
-    first = language.axiom(canvas) if start is None else start.program
+    floor = exact(target, canvas).floor if floor is None else floor
+    language, settings = make_grammar(grammar, method, canvas), make_method(method, canvas, floor, grammar)
+    if start is None:
+        first = language.axiom(canvas)
+    else:  # a wide ramp would first undo what was found
+        first = start.program
+        settings = replace(settings, stages=tuple(s for s in settings.stages if s.ramp == canvas.ramp))
     seen = [first]
 
     def note(record: Record, program: Program[Any]) -> None:
@@ -248,6 +254,8 @@ def fit_coverage(
         if watch is not None:
             watch(record)
 
+    if max_time is not None:
+        warm(grammar, method)
     cpu, wall = time.process_time(), time.perf_counter()
     found = descend(
         first,
@@ -293,13 +301,23 @@ def _drawable(grammar: Grammar[Any], programs: Sequence[Program[Any]]) -> Progra
 
     A program on its way may fold back on itself where Ctrl-C or the time limit ended the search.
     """
-    for program in reversed(programs[1:]):
-        try:
-            grammar.outline(program)
-        except GeometryError:
-            continue
-        return program
-    return programs[0]
+    return next((program for program in reversed(programs[1:]) if _bounds_a_region(grammar, program)), programs[0])
+
+
+def _bounds_a_region(grammar: Grammar[Any], program: Program[Any]) -> bool:
+    try:
+        grammar.outline(program)
+    except GeometryError:
+        return False
+    return True
+
+
+@cache
+def warm(grammar: str, method: str) -> None:
+    """Compile or load the kernels, once in a process, so that no time limit or measured time has it."""
+    target = np.zeros((32, 32))
+    target[8:24, 8:24] = 1
+    fit_coverage(target, Canvas.square(32), grammar=grammar, method=method, floor=10.0)
 
 
 def load_program(path: str | PathLike[str]) -> Fit:
@@ -353,12 +371,12 @@ def _placement(value: object) -> Placement:
 def joined_outline(grammar: Grammar[Any], program: Program[Any], canvas: Canvas, error: float) -> Sketch:
     """The program's outline in world units, with neighbours on one line or circle made one edge.
 
-    error: mean squared error of the coverage. An edge may move by no more than the fit is off already: d pixels off
-    change the coverage of a boundary pixel by d / (2 ramp).
+    error: mean squared error of the coverage. An edge may move by a few times what the fit is off already: d pixels
+    off change the coverage of a boundary pixel by d / (2 ramp).
     """
     coverage = grammar.rasterize(program, canvas).coverage
     band = max(int(np.count_nonzero((coverage > 0) & (coverage < 1))), 1)
-    off = 2 * canvas.ramp * sqrt(error * canvas.size / band)
+    off = LEEWAY * 2 * canvas.ramp * sqrt(error * canvas.size / band)
     low, high = JOINING
     return grammar.outline(program).simplified(min(max(off, low), high) * canvas.pixel)
 
@@ -366,16 +384,6 @@ def joined_outline(grammar: Grammar[Any], program: Program[Any], canvas: Canvas,
 def decibels(error: float) -> float:
     """Peak signal-to-noise ratio of a mean squared error, at most 300 dB."""
     return -10 * log10(max(error, 1e-30))
-
-
-def noise_floor(canvas: Canvas, noise: float, *, exact: bool) -> float:
-    """What a primitive must gain at least, in summed squared error, not to fit noise.
-
-    noise: standard deviation per pixel. exact: whether the picture's edges are the canvas' own model to rounding; else
-    they are some renderer's, in 8 bits.
-    """
-    rounding = 1e-9 * canvas.size
-    return max(rounding if exact else 0.065, 125 * noise**2)
 
 
 def _check_request(seed: int, max_time: float | None, ramp: float | None = None) -> None:

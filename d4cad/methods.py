@@ -23,13 +23,15 @@ def paper(canvas: Canvas, metric: Callable[[Program[Any]], Floats] | None = None
 
 
 def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
-    """Ours: Levenberg-Marquardt, every proposal fitted locally, the ramp narrowing and the price of a primitive falling.
+    """Ours: Levenberg-Marquardt, every proposal fitted locally, the ramp narrowing, the price of a primitive falling.
 
     ``floor``: the last price of a primitive, in summed squared error (pixels); the noise of the picture sets it.
     """
-    prices = [max(0.65, floor)]
+    prices = [0.65]
     while prices[-1] > floor * 1.001:
         prices.append(max(prices[-1] / 10, floor))
+    if floor > prices[0]:  # searched at the usual price, which leaves more ways open, then pruned at its own
+        prices.append(floor)
     wide = [Stage(ramp, prices[0] / canvas.size, rounds=1) for ramp in (3.0,) if ramp > canvas.ramp]
     sharp = [Stage(canvas.ramp, price / canvas.size, rounds=1000) for price in prices]
     return Method((*wide, *sharp), (12, 6, 6), LevenbergMarquardt(), LocalFit(4))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
+from scipy.ndimage import gaussian_filter
 
 import d4cad
 from d4cad.canvas import Canvas
@@ -32,7 +34,7 @@ def plate() -> NDArray[np.uint8]:
     x, y = np.meshgrid(fine, fine)
     inside = (abs(x) < 30) & (abs(y) < 20) & (np.hypot(x, y) > 9)
     cover = inside.reshape(SIDE, 8, SIDE, 8).mean(axis=(1, 3))
-    return np.round(cover * 255).astype(np.uint8)
+    return np.asarray(np.round(cover * 255), dtype=np.uint8)
 
 
 @cache
@@ -60,7 +62,7 @@ def test_a_plate_is_four_lines_and_a_circle() -> None:
     ("size", "width"),
     [({"width": 12.5}, 12.5), ({"scale": 0.5}, 30), ({"dpi": 254}, 6.0), ({}, 60 * 25.4 / 96)],
 )
-def test_size_in_mm(size: dict[str, float], width: float) -> None:
+def test_size_in_mm(size: dict[str, Any], width: float) -> None:
     xmin, ymin, xmax, ymax = fitted().sketch(**size).bounds
     assert (xmin, ymin) == (0, 0)
     assert xmax == pytest.approx(width, rel=1e-12 if "width" in size else 1e-3)
@@ -90,8 +92,9 @@ def test_the_picture_states_its_resolution(tmp_path: Path) -> None:
 @pytest.mark.parametrize("bad", [0, -1, np.nan, np.inf])
 @pytest.mark.parametrize("name", ["width", "scale", "dpi", "thickness"])
 def test_sizes_are_positive_numbers(name: str, bad: float, tmp_path: Path) -> None:
+    given: dict[str, Any] = {name: bad}
     with pytest.raises(InputError, match=f"the {name} must be a positive number"):
-        fitted().save(tmp_path / "part.svg", **{name: bad})
+        fitted().save(tmp_path / "part.svg", **given)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -117,6 +120,22 @@ def test_same_seed_same_result() -> None:
     again = fit_image(plate())
     assert again.program.structure == fitted().program.structure
     assert again.program.params.tobytes() == fitted().program.params.tobytes()
+
+
+@pytest.mark.parametrize(
+    "drawn",
+    [
+        lambda cover: np.where(cover > 127, 255.0, 0.0),
+        lambda cover: gaussian_filter(cover, 1.0),
+        lambda cover: gaussian_filter(cover, 2.0),
+        lambda cover: np.clip(cover + np.random.default_rng(0).normal(0, 13, cover.shape), 0, 255),
+    ],
+    ids=["no grey", "soft", "softer", "noisy"],
+)
+def test_other_ways_to_draw_the_same_plate(drawn: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> None:
+    fit = fit_image(np.round(drawn(plate().astype(np.float64))).astype(np.uint8))
+    assert fit.primitives == 6
+    assert fit.sketch(scale=1.0).area == pytest.approx(2400 - np.pi * 81, rel=0.01)
 
 
 def test_watch_sees_every_round() -> None:
