@@ -149,8 +149,8 @@ def _trial(rule, site, data, cost, shape, room, target, runs, squares, ramp, ste
     c0, r0 = max(math.floor(max(box[0], 0.0) - pad), 0), max(math.floor(max(box[1], 0.0) - pad), 0)
     c1 = min(math.ceil(min(box[2], float(width)) + pad), width)
     r1 = min(math.ceil(min(box[3], float(height)) + pad), height)
-    if r1 <= r0 or c1 <= c0:
-        return -1.0, free
+    if r1 <= r0 or c1 <= c0:  # nothing of it is on the canvas: a loop there costs only its price
+        return -cost if rule == Rule.REMOVE_LOOP else -1.0, free
 
     band = scan(shape[0], shape[1], shape[2], shape[4], r0, r1, c0, c1, ramp)
     base = _error(target, runs, squares, band, r0, r1, c0, c1) - cost
