@@ -45,4 +45,4 @@ assert refused.returncode == 2, refused
 assert "pip install" in refused.stderr, refused.stderr
 assert not Path("disc.step").exists()
 
-print(f"wheel of d4cad {d4cad.__version__}: fitted {fit.primitives} primitives at {fit.psnr:.0f} dB")  # noqa: T201
+print(f"wheel of d4cad {d4cad.__version__}: fitted {fit.primitives} primitives at {fit.psnr:.0f} dB")
