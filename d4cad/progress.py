@@ -14,40 +14,51 @@ from rich.text import Text
 if TYPE_CHECKING:
     from d4cad.descent import Record
 
+PATIENCE = 5.0
+"""Seconds without a record after which a new user wants to know what takes so long."""
+
 
 class _State(ProgressColumn):
-    """The last record and the clock; rendered several times a second, so that the clock runs between rounds."""
+    """The last record and the clock; drawn several times a second, so that the clock runs between rounds."""
 
     max_refresh = None
 
     def __init__(self, max_time: float | None) -> None:
         super().__init__()
-        self.started = time.perf_counter()
         self.max_time = max_time
+        self.began = time.perf_counter()
         self.record: Record | None = None
+
+    def watch(self, record: Record) -> None:
+        """Take on a new record, and its clock: the search may have begun after this line."""
+        self.record = record
+        self.began = time.perf_counter() - record.seconds
 
     def render(self, task: Task) -> Text:
         """One line of text."""
-        elapsed = time.perf_counter() - self.started
-        parts = ["starting" if self.record is None else describe(self.record), f"{elapsed:.1f} s"]
-        if self.max_time is not None:
-            parts.append(f"{max(self.max_time - elapsed, 0):.0f} s left")
-        return Text(" · ".join(parts))
+        return Text(line(self.record, time.perf_counter() - self.began, self.max_time))
 
 
-def describe(record: Record) -> str:
-    """Step, loss, PSNR and primitives of a record."""
-    return f"step {record.step} · loss {record.loss:.3g} · {record.psnr:.1f} dB · {record.primitives} primitives"
+def line(record: Record | None, elapsed: float, max_time: float | None) -> str:
+    """Step, loss, PSNR and primitives of the last record, seconds so far, and seconds left if there is a limit."""
+    if record is None:
+        return "starting" if elapsed < PATIENCE else "starting: the first run compiles, which takes a while"
+    parts = [
+        f"step {record.step}",
+        f"loss {record.loss:.3g}",
+        f"{record.psnr:.1f} dB",
+        f"{record.primitives} primitives",
+        f"{elapsed:.1f} s",
+    ]
+    if max_time is not None:
+        parts.append(f"{max(max_time - elapsed, 0):.0f} s left")
+    return " · ".join(parts)
 
 
 @contextmanager
 def live(max_time: float | None) -> Iterator[Callable[[Record], None]]:
     """Shows a line while the block runs, and takes it away afterwards; yields what updates it."""
     state = _State(max_time)
-
-    def watch(record: Record) -> None:
-        state.record = record
-
     with Progress(SpinnerColumn(), state, console=Console(stderr=True), transient=True) as progress:
         progress.add_task("fit", total=None)
-        yield watch
+        yield state.watch

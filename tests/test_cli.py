@@ -21,7 +21,9 @@ from typer.testing import CliRunner, Result
 
 from d4cad import __version__
 from d4cad.cli import app
+from d4cad.descent import Record
 from d4cad.fit import load_program
+from d4cad.progress import line
 
 SIDE = 96
 
@@ -275,6 +277,14 @@ def test_the_installed_command_has_no_traceback(tmp_path: Path) -> None:
     assert found.returncode == 2
     assert found.stdout == ""
     assert found.stderr == "error: expected a picture, but there is no file nothing.png\n"
+
+
+def test_the_live_line() -> None:
+    record = Record(step=12, loss=1e-4, primitives=7, accepted=2, seconds=1.5)
+    assert line(record, 2.0, None) == "step 12 · loss 0.0001 · 40.0 dB · 7 primitives · 2.0 s"
+    assert line(record, 2.0, 10.0).endswith(" · 8 s left")
+    assert line(None, 1.0, 10.0) == "starting"
+    assert "compiles" in line(None, 60.0, 10.0)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
