@@ -44,7 +44,7 @@ def joined(loop: Loop, tolerance: float) -> Loop:
     loop = without_short(loop, ROUNDING * loop.extent)
     circle = fitted_circle(loop, tolerance)
     if circle is not None:
-        return circle.loop(clockwise=loop.bulges[0] < 0)
+        return circle.loop(clockwise=loop.area < 0)
     n = len(loop.points)
     runs = _close(loop, _runs(loop, tolerance), tolerance)
     found = Loop(tuple(loop.points[r.first % n] for r in runs), tuple(r.bulge for r in runs))

@@ -8,7 +8,19 @@ from math import isfinite
 
 import numpy as np
 
-from d4cad.edges import Bools, Edges, Floats, boxes, chords, cross, lengths, points_along, sector_areas, windings
+from d4cad.edges import (
+    Bools,
+    Edges,
+    Floats,
+    boxes,
+    chords,
+    cross,
+    lengths,
+    points_along,
+    sagittas,
+    sector_areas,
+    windings,
+)
 from d4cad.errors import GeometryError
 
 Point = tuple[float, float]
@@ -187,13 +199,14 @@ def without_short(loop: Loop, short: float, name: str = "a loop") -> Loop:
 def fitted_circle(loop: Loop, tolerance: float) -> Circle | None:
     """The circle within ``tolerance`` of the whole loop, gone around exactly once, or None.
 
-    Algebraic least squares (Kasa 1976) through points on every edge, then all of them are checked.
+    Edges flatter than ``tolerance`` may be lines, or bent the other way. Algebraic least squares (Kasa 1976) through
+    points on every edge, then all of them are checked.
     """
     e = loop.edges
-    if not np.all(np.sign(e.b) == np.sign(e.b[0])) or e.b[0] == 0:
-        return None
     sweep = 4 * float(np.sum(np.arctan(e.b)))
     if abs(abs(sweep) - 2 * np.pi) > 1.0:
+        return None
+    if np.any((e.b * sweep < 0) & (np.abs(sagittas(e)) > tolerance)):
         return None
     z = points_along(e.take((slice(None), None)), np.arange(8) / 8).ravel()
     middle = z.mean()

@@ -280,6 +280,21 @@ def test_polygon_has_its_corners_on_the_loop_and_its_sides_near(loop: Loop, tole
     assert gap(dense(loop, 50), Loop.polyline([(x, y) for x, y in polygon])) <= 1.0001 * tolerance
 
 
+@pytest.mark.parametrize("bulge", [0.0, 1e-3, -1e-3])
+@pytest.mark.parametrize("clockwise", [False, True])
+def test_a_circle_with_a_short_flat_is_a_circle(bulge: float, clockwise: bool) -> None:
+    half = 0.05  # radians: the flat is 0.00125 from the circle
+    ends = tuple((np.cos(a), np.sin(a)) for a in (-half, half))
+    loop = Loop(ends, (bulge, np.tan((2 * np.pi - 2 * half) / 4)))
+    for part in (loop, Loop(ends[::-1], loop.bulges[::-1])):
+        turned = part.reversed() if clockwise else part
+        simple = Sketch((Face(turned),)).simplified(0.002).loops[0]
+        assert simple.circle is not None
+        assert simple.circle.radius == pytest.approx(1, abs=1e-3)
+        assert (simple.area < 0) == clockwise
+        assert Sketch((Face(turned),)).simplified(0.0005).loops[0].circle is None
+
+
 def test_polygon_of_a_major_arc_and_of_a_circle_coarser_than_itself() -> None:
     drop = Loop(((0, 0), (1, 0)), (10.0, 0.0))
     assert abs(polygon_area(drop.polygon(1e-5)) - drop.area) < 1e-3 * drop.area
