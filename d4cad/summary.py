@@ -49,6 +49,8 @@ def summary(fit: Fit, placement: Placement, files: Sequence[Path]) -> dict[str, 
 def text(facts: dict[str, Any]) -> str:
     """The facts for people, a few lines."""
     kinds = [_count(facts[key], key[:-1]) for key in ("lines", "arcs", "circles") if facts[key]]
+    if facts["circles"]:
+        kinds[-1] += " of 2 arcs"
     width, height = facts["size_mm"]
     lines = [
         f"{_count(facts['primitives'], 'primitive')} ({', '.join(kinds)}), {facts['psnr']:.1f} dB",

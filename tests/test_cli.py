@@ -63,7 +63,7 @@ def test_every_output_and_a_summary(plate: str) -> None:
     assert result.exit_code == 0, result.output
     assert result.stderr == ""
     lines = result.stdout.splitlines()
-    assert lines[0].startswith("6 primitives (4 lines, 1 circle), ")
+    assert lines[0].startswith("6 primitives (4 lines, 1 circle of 2 arcs), ")
     assert lines[1].startswith("60 x 40")
     assert "no rewrite pays" in lines[2]
     assert lines[3:] == [f"wrote {name}" for name in [*names, "look.svg"]]
