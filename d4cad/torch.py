@@ -19,6 +19,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -52,8 +53,8 @@ def soft_raster(params: Tensor, program: Any, canvas: Canvas, grammar: Grammar[A
     if params.shape != (size,) or params.dtype not in FLOATS:
         found = f"{tuple(params.shape)} and {params.dtype}"
         raise InputError(f"expected params of shape ({size},) and dtype float32 or float64, got {found}")
-    coverage: Tensor = _SoftRaster.apply(params, structure, canvas, ArcLine() if grammar is None else grammar)
-    return coverage
+    draw: Callable[..., Tensor] = _SoftRaster.apply
+    return draw(params, structure, canvas, ArcLine() if grammar is None else grammar)
 
 
 class _SoftRaster(torch.autograd.Function):

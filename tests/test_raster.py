@@ -42,15 +42,16 @@ class Loops(NamedTuple):
         return np.concatenate([self.x, self.y, self.b])
 
     def moved(self, numbers: Floats) -> Loops:
-        return Loops(*numbers.reshape(3, -1), self.nxt)
+        x, y, b = numbers.reshape(3, -1)
+        return Loops(x, y, b, self.nxt)
 
 
 def loops(*parts: list[tuple[float, float, float]]) -> Loops:
     """Loops of vertices (x, y, bulge of the edge that starts there)."""
-    numbers = np.array([vertex for part in parts for vertex in part], dtype=np.float64).T.copy()
+    x, y, b = np.array([vertex for part in parts for vertex in part], dtype=np.float64).T.copy()
     starts = np.cumsum([0, *map(len, parts)])
     nxt = np.concatenate([np.roll(np.arange(a, z), -1) for a, z in pairwise(starts)])
-    return Loops(*numbers, nxt)
+    return Loops(x, y, b, nxt)
 
 
 def polygon(*points: tuple[float, float]) -> list[tuple[float, float, float]]:
@@ -94,7 +95,8 @@ def oracle(shape: Loops, window: Window, ramp: float) -> Picture:
     from d4cad.raster.oracle import coverage
 
     leaves = [torch.tensor(part, requires_grad=True) for part in (shape.x, shape.y, shape.b)]
-    dense = coverage(*leaves, torch.tensor(shape.nxt), *window, ramp)
+    x, y, b = leaves
+    dense = coverage(x, y, b, torch.tensor(shape.nxt), *window, ramp)
 
     def pull(weights: Floats) -> Floats:
         parts = torch.autograd.grad(dense, leaves, torch.tensor(weights), retain_graph=True, materialize_grads=True)

@@ -13,6 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+NUMBERS = 5
+"""The most numbers that determine a primitive: the width of ``slope`` and ``columns``, unused columns -1. A constant,
+so that the kernels' inner loops unroll."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,9 +25,10 @@ class Band:
     """Coverage of a program on a canvas, and its derivative.
 
     shape: (height, width). row, col: (m,) the band's pixels. cover: (m,) their coverage. wound: (m,) uint8, 1 where the
-    pixel's centre is inside. piece: (m,) int32, the primitive nearest to the pixel. slope: (m, k) derivative of the
-    coverage by that primitive's k numbers. columns: (pieces, k) int64, the parameters that these numbers are (-1: fixed).
-    spans: (s, 3) row, first and past-the-last column of runs of inside pixels, band included. size: number of parameters.
+    pixel's centre is inside. piece: (m,) int32, the primitive nearest to the pixel. slope: (m, NUMBERS) derivative of
+    the coverage by that primitive's numbers. columns: (pieces, NUMBERS) int64, the parameters that these numbers are
+    (-1: fixed). spans: (s, 3) row, first and past-the-last column of runs of inside pixels, band included. size: number
+    of parameters.
     """
 
     shape: tuple[int, int]
@@ -80,17 +86,15 @@ class SquaresTable:
 
     def normal(self, band: Band) -> tuple[float, Floats, Floats]:
         """Sum of squared errors, half its gradient J'r (n,), and the Gauss-Newton matrix J'J (n, n)."""
-        gradient = np.zeros(band.size)
-        matrix = np.zeros((band.size, band.size))
-        value = normal_equations(
+        value, gradient, matrix = _normal(
             self.target, self.runs, self.total, band.row, band.col, band.cover, band.wound, band.spans,
-            band.piece, band.slope, band.columns, gradient, matrix,
+            band.piece, band.slope, band.columns, band.size,
         )  # fmt: skip
         return max(0.0, float(value)), gradient, matrix
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _fill(dense, spans, row, col, cover):
+def _fill(dense: Floats, spans: Ints, row: NDArray[np.int32], col: NDArray[np.int32], cover: Floats) -> None:
     for k in range(spans.shape[0]):
         for j in range(spans[k, 1], spans[k, 2]):
             dense[spans[k, 0], j] = 1.0
@@ -99,12 +103,20 @@ def _fill(dense, spans, row, col, cover):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def _pull_back(gradient, row, col, piece, slope, columns, size):
+def _pull_back(
+    gradient: Floats,
+    row: NDArray[np.int32],
+    col: NDArray[np.int32],
+    piece: NDArray[np.int32],
+    slope: Floats,
+    columns: Ints,
+    size: int,
+) -> Floats:
     out = np.zeros(size)
     for s in range(row.shape[0]):
         g = gradient[row[s], col[s]]
         p = piece[s]
-        for k in range(slope.shape[1]):
+        for k in range(NUMBERS):
             c = columns[p, k]
             if c >= 0:
                 out[c] += g * slope[s, k]
@@ -112,7 +124,16 @@ def _pull_back(gradient, row, col, piece, slope, columns, size):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def squared_error(target, runs, total, row, col, cover, wound, spans):
+def squared_error(
+    target: Floats,
+    runs: Floats,
+    total: float,
+    row: NDArray[np.int32],
+    col: NDArray[np.int32],
+    cover: Floats,
+    wound: NDArray[np.uint8],
+    spans: Ints,
+) -> float:
     """Squared error: an empty shape's, plus the inside runs', corrected at the band's pixels."""
     value = total
     for k in range(spans.shape[0]):
@@ -126,25 +147,37 @@ def squared_error(target, runs, total, row, col, cover, wound, spans):
 
 
 @nb.njit(cache=True, error_model="numpy")
-def normal_equations(target, runs, total, row, col, cover, wound, spans, piece, slope, columns, gradient, matrix):
-    """Squared error; adds J'r to ``gradient`` (n,) and J'J to ``matrix`` (n, n), both given zeroed."""
-    value = squared_error(target, runs, total, row, col, cover, wound, spans)
-    pieces, width = columns.shape
-    # Summed per piece first: its k numbers lie together, the parameters' columns do not.
-    force = np.zeros((pieces, width))
-    block = np.zeros((pieces, width, width))
+def add_normal_equations(
+    target: Floats,
+    row: NDArray[np.int32],
+    col: NDArray[np.int32],
+    cover: Floats,
+    piece: NDArray[np.int32],
+    slope: Floats,
+    columns: Ints,
+    gradient: Floats,
+    matrix: Floats,
+) -> None:
+    """Add J'r to ``gradient`` (n,) and J'J to ``matrix`` (n, n) for the residual r = coverage - target.
+
+    columns: (pieces, NUMBERS); pixels of other pieces than these are left out.
+    """
+    pieces = columns.shape[0]
+    # Summed per piece first: its numbers lie together, the parameters' columns do not.
+    force = np.zeros((pieces, NUMBERS))
+    block = np.zeros((pieces, NUMBERS, NUMBERS))
     for s in range(row.shape[0]):
-        residual = cover[s] - target[row[s], col[s]]
         p = piece[s]
-        for k in range(width):
+        if p >= pieces:
+            continue
+        residual = cover[s] - target[row[s], col[s]]
+        for k in range(NUMBERS):
             j = slope[s, k]
-            if j == 0.0:
-                continue
             force[p, k] += j * residual
             for i in range(k + 1):
                 block[p, k, i] += j * slope[s, i]
     for p in range(pieces):
-        for k in range(width):
+        for k in range(NUMBERS):
             c = columns[p, k]
             if c < 0:
                 continue
@@ -155,4 +188,24 @@ def normal_equations(target, runs, total, row, col, cover, wound, spans, piece, 
                     matrix[c, other] += block[p, k, i]
                     if i != k:
                         matrix[other, c] += block[p, k, i]
-    return value
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _normal(
+    target: Floats,
+    runs: Floats,
+    total: float,
+    row: NDArray[np.int32],
+    col: NDArray[np.int32],
+    cover: Floats,
+    wound: NDArray[np.uint8],
+    spans: Ints,
+    piece: NDArray[np.int32],
+    slope: Floats,
+    columns: Ints,
+    size: int,
+) -> tuple[float, Floats, Floats]:
+    gradient = np.zeros(size)
+    matrix = np.zeros((size, size))
+    add_normal_equations(target, row, col, cover, piece, slope, columns, gradient, matrix)
+    return squared_error(target, runs, total, row, col, cover, wound, spans), gradient, matrix

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from d4cad.grammars.arc_line.places import DemandPlaces, Places
 from d4cad.grammars.arc_line.repair import compact, repair
 from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, candidates, rewrite, slits, touched
 from d4cad.grammars.arc_line.structure import Shape, Structure, from_shape, parameter_origin, to_shape
-from d4cad.grammars.arc_line.trials import trials
+from d4cad.grammars.arc_line.trials import Linked, Picture, trials
 from d4cad.program import Edit, Floats, Program, Rewrite
 from d4cad.protocols import Trial
 from d4cad.raster.band import Band
@@ -34,9 +35,10 @@ class ArcLine:
     """Loops of lines and arcs.
 
     pixel: the world length that counts as one pixel in guards and repair. rules: the names of the rewrites in use.
-    places: where new loops are proposed. lossy: a merge or removal is proposed if it moves the outline by at most so many
-    pixels as the guards estimate it; the trial decides. slit: the greatest width in pixels of a slit or thin wall that a
-    pinch closes. arc_weight: the complexity of an arc, a line's being 1: it has three numbers where a line has two.
+    places: where new loops are proposed. lossy: a merge or removal is proposed if it moves the outline by at most so
+    many pixels as the guards estimate it; the trial decides. slit: the greatest width in pixels of a slit or thin wall
+    that a pinch closes. arc_weight: the complexity of an arc, a line's being 1: it has three numbers where a line has
+    two.
     """
 
     pixel: float = 3 / 256
@@ -90,9 +92,8 @@ class ArcLine:
         layout = program.structure.layout
         shape = _on(program, canvas)
         row, col, cover, wound, edge, slope, spans = scan(
-            shape.x, shape.y, shape.b, shape.nxt, 0, canvas.height, 0, canvas.width, canvas.ramp
+            shape.x, shape.y, shape.b, shape.nxt, 0, canvas.height, 0, canvas.width, canvas.ramp, 1 / canvas.pixel
         )
-        slope[:, :4] /= canvas.pixel
         return Band(canvas.shape, row, col, cover, wound, edge, slope, layout.columns, spans, layout.size)
 
     def repair(self, program: Program[Structure]) -> Edit[Structure]:
@@ -107,7 +108,9 @@ class ArcLine:
         mended = from_shape(Shape(x, y, b, arc, layout.nxt), sizes, 1 / self.pixel)
         return Edit(mended, parameter_origin(vertex, edge, arc, layout))
 
-    def rewrites(self, program: Program[Structure], demand: Floats, canvas: Canvas, rng: np.random.Generator) -> list[Rewrite]:
+    def rewrites(
+        self, program: Program[Structure], demand: Floats, canvas: Canvas, rng: np.random.Generator
+    ) -> list[Rewrite]:
         """All rewrites of the enabled rules whose guards allow them."""
         shape = to_shape(program, 1 / self.pixel)
         sizes = np.repeat(program.structure.sizes, program.structure.sizes)
@@ -128,7 +131,9 @@ class ArcLine:
                 start += size
         if "add-loop" in self.rules:
             inside = self.rasterize(program, canvas).coverage
-            found += [Rewrite("add-loop", frozenset(), (0.0, *place)) for place in self.places(demand, inside, canvas, rng)]
+            found += [
+                Rewrite("add-loop", frozenset(), (0.0, *place)) for place in self.places(demand, inside, canvas, rng)
+            ]
         return found
 
     def apply(self, program: Program[Structure], rewrites: Sequence[Rewrite]) -> Edit[Structure]:
@@ -158,12 +163,20 @@ class ArcLine:
         number = np.where(np.arange(used) < n, np.arange(used), -1)
         same_edge = number.copy()
         same_edge[[e for e in fresh_b if e < used]] = -1
-        x, y, b, arc, _, vertex, edge, sizes = compact(x[:used], y[:used], b[:used], arc[:used], nxt[:used], number, same_edge, keep)
+        x, y, b, arc, _, vertex, edge, sizes = compact(
+            x[:used], y[:used], b[:used], arc[:used], nxt[:used], number, same_edge, keep
+        )
         changed = from_shape(Shape(x, y, b, arc, nxt), sizes, 1 / self.pixel)
         return Edit(changed, parameter_origin(vertex, edge, arc, layout))
 
     def local_trials(
-        self, program: Program[Structure], rewrites: Sequence[Rewrite], loss: Any, canvas: Canvas, price: float, steps: int
+        self,
+        program: Program[Structure],
+        rewrites: Sequence[Rewrite],
+        loss: Any,
+        canvas: Canvas,
+        price: float,
+        steps: int,
     ) -> list[Trial]:
         """Each rewrite with the values that at most ``steps`` local steps find for it, and what it gains."""
         if not rewrites:
@@ -175,9 +188,9 @@ class ArcLine:
         data = np.array([_data(r, 1 / canvas.pixel, middle) for r in rewrites])
         table = loss.table
         cost = price * np.array([self.growth(program, r) for r in rewrites])
-        gain, free, fit = trials(
-            rules, sites, data, cost * canvas.size, *shape, program.structure.layout.prv, table.target, table.runs, table.squares, canvas.ramp, steps
-        )
+        loops = Linked(*shape, program.structure.layout.prv)
+        picture = Picture(table.target, table.runs, table.squares)
+        gain, free, fit = trials(rules, sites, data, cost * canvas.size, loops, picture, canvas.ramp, steps)
         scale = canvas.pixel / self.pixel
         fitted = []
         for k in np.flatnonzero(gain > 0).tolist():
@@ -205,11 +218,15 @@ class ArcLine:
         """Each loop as a word: L for a line, A for an arc."""
         letters = "".join("A" if arc else "L" for arc in structure.arcs)
         ends = np.cumsum((0, *structure.sizes))
-        return [letters[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        return [letters[a:b] for a, b in pairwise(ends)]
 
     def decode(self, value: Any) -> Structure:
         """The structure from its words."""
-        if not isinstance(value, list) or not value or not all(isinstance(w, str) and set(w) <= {"L", "A"} for w in value):
+        if (
+            not isinstance(value, list)
+            or not value
+            or not all(isinstance(w, str) and set(w) <= {"L", "A"} for w in value)
+        ):
             raise GrammarError(f"an Arc-Line structure is a list of words of L and A, got {value!r}")
         return Structure(tuple(len(word) for word in value), tuple(letter == "A" for word in value for letter in word))
 

@@ -8,13 +8,18 @@ changes, and the bulges of the arcs beside them.
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numba as nb
 import numpy as np
+from numpy.typing import NDArray
 
 from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, rewrite, touched
-from d4cad.raster.band import normal_equations, squared_error
-from d4cad.raster.scan import scan
+from d4cad.program import Floats
+from d4cad.raster.band import NUMBERS, add_normal_equations, squared_error
+from d4cad.raster.scan import COLUMNS, cut_edge, edge_table, fill_edge, level_range, monotone_pieces, scan_rows, slopes
+
+Ints = NDArray[np.int64]
 
 MARGIN = 4.0
 """Pixels that the window extends beyond the affected edges and their ramp."""
@@ -24,10 +29,68 @@ HOPE = 2.0
 """How many times its last step's progress each remaining step of a trial may make."""
 MOST_FREE = 20
 """At most 4 vertices of 2 coordinates, their 4 + 4 edges' bulges, and some room."""
+ROUNDING = 1e-13
+"""Squared error per pixel of a window that a rewrite must gain besides its cost: less is not told from rounding."""
+
+
+class Linked(NamedTuple):
+    """Linked loops: vertices, bulge and kind of the edge from each, the next vertex and the one before, (n,) each."""
+
+    x: Floats
+    y: Floats
+    b: Floats
+    arc: NDArray[np.bool_]
+    nxt: Ints
+    prv: Ints
+
+
+class Picture(NamedTuple):
+    """target (height, width) and the sums over its rows of 1 - 2 t and t^2, (height, width + 1) each."""
+
+    target: Floats
+    runs: Floats
+    squares: Floats
+
+
+class Base(NamedTuple):
+    """The program that rewrites are tried on: its loops, its edges as the raster cuts them, and its band.
+
+    first: (height + 1,) the first band pixel of each row; first_span: likewise of its spans.
+    """
+
+    loops: Linked
+    table: Floats
+    owner: Ints
+    ends: Floats
+    pieces: int
+    band: Any
+    first: Ints
+    first_span: Ints
+
+
+class Scene(NamedTuple):
+    """A window and the edges that matter in it: the first ones move, the rest are the base's.
+
+    moving: (k,) the numbers of the moving edges; table, owner, ends: of all edges, the ``fixed`` pieces of the
+    others first and room for the moving ones'; entering: winding number at the left of every row from edges that are
+    left of the window; empty: the squared error of no shape.
+    """
+
+    r0: int
+    r1: int
+    c0: int
+    c1: int
+    moving: Ints
+    table: Floats
+    owner: Ints
+    ends: Floats
+    fixed: int
+    entering: Ints
+    empty: float
 
 
 @nb.njit(cache=True)
-def _stretch_edge(box, x, y, b, nxt, e):
+def _stretch_edge(box: Floats, x: Floats, y: Floats, b: Floats, nxt: Ints, e: int) -> None:
     """Grow a box (4,) to hold edge e: its ends and apex, padded by what an oblique arc bulges beyond them."""
     x0, y0, x1, y1, bulge = x[e], y[e], x[nxt[e]], y[nxt[e]], b[e]
     half = 0.5 * math.hypot(x1 - x0, y1 - y0)
@@ -42,7 +105,7 @@ def _stretch_edge(box, x, y, b, nxt, e):
 
 
 @nb.njit(cache=True)
-def solve(matrix, gradient, damping, step):
+def solve(matrix: Floats, gradient: Floats, damping: float, step: Floats) -> bool:
     """step (n,) with (M + damping diag(M)) step = -gradient, by Cholesky; False if the matrix is not positive."""
     n = matrix.shape[0]
     lower = np.empty((n, n))
@@ -73,157 +136,310 @@ def solve(matrix, gradient, damping, step):
 
 
 @nb.njit(cache=True)
-def _error(target, runs, squares, band, r0, r1, c0, c1):
-    total = 0.0
-    for r in range(r0, r1):
-        total += squares[r, c1] - squares[r, c0]
-    return squared_error(target, runs, total, band[0], band[1], band[2], band[3], band[6])
+def _base(loops: Linked, shape: tuple[int, int], ramp: float) -> Base:
+    """The base as cut edges and as a band on a canvas of ``shape``."""
+    height, width = shape
+    n = loops.x.shape[0]
+    table = edge_table(loops.x, loops.y, loops.b, loops.nxt)
+    owner, ends = np.empty(5 * n, np.int64), np.empty((5 * n, 4))
+    pieces = monotone_pieces(table, loops.x, loops.y, loops.nxt, owner, ends)
+    band = scan_rows(table, owner, ends, pieces, np.zeros(height, np.int64), 0, height, 0, width, ramp)
+    rows = np.arange(height + 1)
+    return Base(
+        loops, table, owner, ends, pieces, band, np.searchsorted(band[0], rows), np.searchsorted(band[7][:, 0], rows)
+    )
 
 
 @nb.njit(cache=True)
-def _trial(rule, site, data, cost, shape, room, target, runs, squares, ramp, steps, fit):
-    """Gain of one rewrite, the decrease of the squared error less ``cost``, and the number of vertices that it tunes; puts its
-    parameters in ``fit`` (MOST_FREE,).
+def _base_error(base: Base, picture: Picture, r0: int, r1: int, c0: int, c1: int) -> float:
+    """Squared error of the base in a window."""
+    target, runs, squares = picture
+    row, col, cover, wound, spans = base.band[0], base.band[1], base.band[2], base.band[3], base.band[7]
+    total = 0.0
+    for r in range(r0, r1):
+        total += squares[r, c1] - squares[r, c0]
+    for k in range(base.first_span[r0], base.first_span[r1]):
+        start, stop = max(spans[k, 1], c0), min(spans[k, 2], c1)
+        if start < stop:
+            total += runs[spans[k, 0], stop] - runs[spans[k, 0], start]
+    for s in range(base.first[r0], base.first[r1]):
+        if c0 <= col[s] < c1:
+            t = target[row[s], col[s]]
+            hard = 1.0 - t if wound[s] else t
+            total += (cover[s] - t) ** 2 - hard * hard
+    return total
 
-    Ends early, with a loss, when even no error at all in the window would not pay for it, or when a step's progress leaves
-    no hope for the remaining ones.
 
-    shape: the base (x, y, b, arc, nxt, prv), (n,) each; room: the same with NEW_VERTICES more, overwritten.
-    """
-    height, width = target.shape
-    n = shape[0].shape[0]
-    x, y, b, arc, nxt, prv = room
-    x[:n], y[:n], b[:n] = shape[0], shape[1], shape[2]
-    arc[:n], nxt[:n], prv[:n] = shape[3], shape[4], shape[5]
-    for k in range(n, n + NEW_VERTICES):
-        x[k], y[k], b[k], arc[k], nxt[k], prv[k] = -1e7, -1e7, 0.0, False, k, k
-    vertices = np.empty(4, np.int64)
-    own = np.empty(4, np.int64)
-    free, own_count = touched(rule, site, data, nxt, prv, n, vertices, own)
-
-    box = np.array((np.inf, np.inf, -np.inf, -np.inf))
+@nb.njit(cache=True)
+def _stretch_site(box: Floats, loops: Linked, rule: int, site: int, other: int, vertices: Ints) -> None:
+    """Grow a box to hold the edges that a rewrite changes, before it is applied."""
+    x, y, b, _, nxt, prv = loops
     if rule == Rule.REMOVE_LOOP:
         i = site
         while True:
             _stretch_edge(box, x, y, b, nxt, i)
             i = nxt[i]
             if i == site:
-                break
-    else:
-        for v in vertices[:free]:
-            if v < n:
-                _stretch_edge(box, x, y, b, nxt, v)
-                _stretch_edge(box, x, y, b, nxt, prv[v])
-        if rule != Rule.ADD_LOOP:
-            _stretch_edge(box, x, y, b, nxt, site)
-        if rule == Rule.CLOSE:
-            _stretch_edge(box, x, y, b, nxt, nxt[site])
-        if rule == Rule.PINCH:
-            other = int(data[0])
-            for e in (other, nxt[site], nxt[other], prv[site], prv[other]):
-                _stretch_edge(box, x, y, b, nxt, e)
-    used = rewrite(rule, site, data, x, y, b, arc, nxt, prv, n)
-    columns = np.full((n + NEW_VERTICES, 5), -1)
-    size = 2 * free
-    bulges = np.empty(MOST_FREE, np.int64)
-    for k in range(free):
-        v = vertices[k]
-        p = prv[v]
-        _stretch_edge(box, x, y, b, nxt, v)
+                return
+    for v in vertices:
+        if v < x.shape[0]:
+            _stretch_edge(box, x, y, b, nxt, v)
+            _stretch_edge(box, x, y, b, nxt, prv[v])
+    if rule != Rule.ADD_LOOP:
+        _stretch_edge(box, x, y, b, nxt, site)
+    if rule == Rule.CLOSE:
+        _stretch_edge(box, x, y, b, nxt, nxt[site])
+    if rule == Rule.PINCH:
+        for e in (other, nxt[site], nxt[other], prv[site], prv[other]):
+            _stretch_edge(box, x, y, b, nxt, e)
+
+
+@nb.njit(cache=True)
+def _parameters(loops: Linked, vertices: Ints, own: Ints, columns: Ints, bulges: Ints) -> int:
+    """Number the parameters of a trial: x, y of ``vertices``, then the bulges of the arcs among the edges ``own`` and
+    beside the vertices. Fills ``columns`` (n, NUMBERS) and, from there on, ``bulges`` with the arcs; returns how many
+    parameters there are."""
+    arc, prv = loops.arc, loops.prv
+    size: int = 2 * vertices.shape[0]
+    for k in range(vertices.shape[0]):
+        v, p = vertices[k], prv[vertices[k]]
         columns[v, 0], columns[v, 1] = 2 * k, 2 * k + 1
         columns[p, 2], columns[p, 3] = 2 * k, 2 * k + 1
-    for k in range(own_count):
-        e = own[k]
-        _stretch_edge(box, x, y, b, nxt, e)
+    for k in range(own.shape[0] + 2 * vertices.shape[0]):
+        beside = k - own.shape[0]
+        e = own[k] if beside < 0 else vertices[beside // 2]
+        if beside >= 0 and beside % 2 == 1:
+            e = prv[e]
         if arc[e] and columns[e, 4] < 0:
             columns[e, 4] = size
             bulges[size] = e
             size += 1
-    for k in range(free):
-        for e in (vertices[k], prv[vertices[k]]):
-            if arc[e] and columns[e, 4] < 0:
-                columns[e, 4] = size
-                bulges[size] = e
-                size += 1
-    pad = MARGIN + ramp
-    c0, r0 = max(math.floor(max(box[0], 0.0) - pad), 0), max(math.floor(max(box[1], 0.0) - pad), 0)
-    c1 = min(math.ceil(min(box[2], float(width)) + pad), width)
-    r1 = min(math.ceil(min(box[3], float(height)) + pad), height)
-    if r1 <= r0 or c1 <= c0:  # nothing of it is on the canvas: a loop there costs only its price
-        return -cost if rule == Rule.REMOVE_LOOP else -1.0, free
+    return size
 
-    band = scan(shape[0], shape[1], shape[2], shape[4], r0, r1, c0, c1, ramp)
-    base = _error(target, runs, squares, band, r0, r1, c0, c1) - cost
-    if base <= 0.0:
-        return base, free
-    x, y, b, nxt = x[:used], y[:used], b[:used], nxt[:used]
-    band = scan(x, y, b, nxt, r0, r1, c0, c1, ramp)
-    value = _error(target, runs, squares, band, r0, r1, c0, c1)
-    matrix = np.empty((size, size))
-    gradient = np.empty(size)
-    step = np.empty(size)
-    before = np.empty(size)
-    for k in range(size):
-        before[k] = b[bulges[k]] if k >= 2 * free else (x[vertices[k // 2]] if k % 2 == 0 else y[vertices[k // 2]])
+
+@nb.njit(cache=True)
+def _moving(loops: Linked, base: Base, columns: Ints) -> Ints:
+    """The edges of the changed loops that are not the base's, or that a trial tunes."""
+    x, y, b, _, nxt, _ = loops
+    old = base.loops
+    n = old.x.shape[0]
+    found = np.empty(x.shape[0], np.int64)
+    count = 0
+    for e in range(x.shape[0]):
+        end = nxt[e]
+        if end == e:
+            continue
+        same = e < n and end == old.nxt[e] and b[e] == old.b[e] and x[e] == old.x[e] and y[e] == old.y[e]
+        if same:
+            same = x[end] == old.x[end] and y[end] == old.y[end]
+        for k in range(NUMBERS):
+            same = same and columns[e, k] < 0
+        if not same:
+            found[count] = e
+            count += 1
+    return found[:count]
+
+
+@nb.njit(cache=True)
+def _scene(
+    loops: Linked, base: Base, moving: Ints, picture: Picture, r0: int, r1: int, c0: int, c1: int, ramp: float
+) -> Scene:
+    """The edges of the base that stay and can be seen in a window, with room for the moving ones."""
+    n = base.loops.x.shape[0]
+    gone = np.zeros(n, np.bool_)
+    for e in range(n):
+        gone[e] = loops.nxt[e] == e
+    for e in moving:
+        if e < n:
+            gone[e] = True
+    table = np.empty((moving.shape[0] + n, COLUMNS))
+    owner = np.empty(base.pieces + 5 * moving.shape[0], np.int64)
+    ends = np.empty((owner.shape[0], 4))
+    entering = np.zeros(r1 - r0, np.int64)
+    last, edges, fixed = -1, moving.shape[0], 0
+    for k in range(base.pieces):
+        e = base.owner[k]
+        xa, ya, xb, yb = base.ends[k, 0], base.ends[k, 1], base.ends[k, 2], base.ends[k, 3]
+        if gone[e] or min(xa, xb) - ramp > c1 or min(ya, yb) - ramp > r1 or max(ya, yb) + ramp < r0:
+            continue
+        if max(xa, xb) + ramp < c0:
+            low, high, turn = level_range(base.ends, k, r0, r1)
+            for r in range(low, high):
+                entering[r - r0] += turn
+            continue
+        if e != last:
+            table[edges] = base.table[e]
+            edges += 1
+            last = e
+        owner[fixed] = edges - 1
+        ends[fixed] = base.ends[k]
+        fixed += 1
+    empty = 0.0
+    for r in range(r0, r1):
+        empty += picture.squares[r, c1] - picture.squares[r, c0]
+    return Scene(r0, r1, c0, c1, moving, table, owner, ends, fixed, entering, empty)
+
+
+@nb.njit(cache=True)
+def _render(scene: Scene, loops: Linked, picture: Picture, ramp: float) -> tuple[Any, float]:
+    """The band of a scene with its moving edges as they are now, and its squared error."""
+    x, y, b, _, nxt, _ = loops
+    pieces = scene.fixed
+    for i in range(scene.moving.shape[0]):
+        e = scene.moving[i]
+        x1, y1 = x[nxt[e]], y[nxt[e]]
+        fill_edge(scene.table, i, x[e], y[e], x1, y1, b[e])
+        pieces = cut_edge(scene.table, i, x1, y1, scene.owner, scene.ends, pieces)
+    band = scan_rows(
+        scene.table, scene.owner, scene.ends, pieces, scene.entering, scene.r0, scene.r1, scene.c0, scene.c1, ramp
+    )
+    error = squared_error(picture.target, picture.runs, scene.empty, band[0], band[1], band[2], band[3], band[7])
+    return band, error
+
+
+@nb.njit(cache=True)
+def _put(values: Floats, vertices: Ints, bulges: Ints, loops: Linked) -> None:
+    """Set a trial's parameters in its loops."""
+    for k in range(vertices.shape[0]):
+        loops.x[vertices[k]], loops.y[vertices[k]] = values[2 * k], values[2 * k + 1]
+    for k in range(2 * vertices.shape[0], values.shape[0]):
+        loops.b[bulges[k]] = values[k]
+
+
+@nb.njit(cache=True)
+def _descend(
+    scene: Scene,
+    loops: Linked,
+    columns: Ints,
+    vertices: Ints,
+    bulges: Ints,
+    picture: Picture,
+    ramp: float,
+    steps: int,
+    goal: float,
+    values: Floats,
+) -> float:
+    """Levenberg-Marquardt on the parameters ``values`` (size,), left at their best; returns their squared error.
+
+    Ends early when a step's progress leaves no hope of getting under ``goal`` by the remaining ones.
+    """
+    band, error = _render(scene, loops, picture, ramp)
+    size = values.shape[0]
+    edges = scene.moving.shape[0]
+    own_columns = np.empty((edges, NUMBERS), np.int64)
+    for i in range(edges):
+        own_columns[i] = columns[scene.moving[i]]
+    matrix, gradient = np.empty((size, size)), np.empty(size)
+    step, tried = np.empty(size), np.empty(size)
     damping = 1e-3
     fresh = True
     for taken in range(steps if size > 0 else 0):
         if fresh:
             matrix[:] = 0.0
             gradient[:] = 0.0
-            normal_equations(
-                target, runs, 0.0, band[0], band[1], band[2], band[3], band[6],
-                band[4], band[5], columns, gradient, matrix,
+            slope = slopes(scene.table, band, ramp, 1.0, edges)
+            add_normal_equations(
+                picture.target, band[0], band[1], band[2], band[4], slope, own_columns, gradient, matrix
             )  # fmt: skip
         if not solve(matrix, gradient, damping, step):
             break
         longest = 0.0
-        for k in range(2 * free):
+        for k in range(2 * vertices.shape[0]):
             longest = max(longest, abs(step[k]))
         cut = min(1.0, REACH / longest) if longest > 0.0 else 1.0
         for k in range(size):
-            now = before[k] + cut * step[k]
-            if k >= 2 * free:
-                b[bulges[k]] = now
-            elif k % 2 == 0:
-                x[vertices[k // 2]] = now
-            else:
-                y[vertices[k // 2]] = now
-        tried = scan(x, y, b, nxt, r0, r1, c0, c1, ramp)
-        new = _error(target, runs, squares, tried, r0, r1, c0, c1)
-        if new < value:
-            if taken > 0 and new - HOPE * (steps - taken) * (value - new) > base:
-                return base - new, free
-            fresh = True
-            value, band = new, tried
+            tried[k] = values[k] + cut * step[k]
+        _put(tried, vertices, bulges, loops)
+        new_band, new = _render(scene, loops, picture, ramp)
+        fresh = new < error
+        if fresh:
+            if taken > 0 and new - HOPE * (steps - taken) * (error - new) > goal:
+                return float(new)
+            values[:] = tried
+            error, band = new, new_band
             damping = max(0.1 * damping, 1e-9)
-            for k in range(size):
-                before[k] += cut * step[k]
         else:
-            fresh = False
             damping *= 10.0
-    fit[:size] = before
-    return base - value, free
+    return float(error)
 
 
 @nb.njit(cache=True)
-def trials(rules, sites, data, costs, x, y, b, arc, nxt, prv, target, runs, squares, ramp, steps):
+def _trial(
+    rule: int,
+    site: int,
+    data: Floats,
+    cost: float,
+    base: Base,
+    room: Linked,
+    picture: Picture,
+    ramp: float,
+    steps: int,
+    fit: Floats,
+) -> tuple[float, int]:
+    """Gain of one rewrite, the decrease of the squared error less ``cost``, and the number of vertices that it tunes;
+    puts its parameters in ``fit`` (MOST_FREE,).
+
+    Ends early, with a loss, when even no error at all in the window would not pay for it. room: Linked with
+    NEW_VERTICES more than the base, overwritten.
+    """
+    height, width = picture.target.shape
+    n = base.loops.x.shape[0]
+    x, y, b, arc, nxt, prv = room
+    x[:n], y[:n], b[:n] = base.loops.x, base.loops.y, base.loops.b
+    arc[:n], nxt[:n], prv[:n] = base.loops.arc, base.loops.nxt, base.loops.prv
+    for k in range(n, n + NEW_VERTICES):
+        x[k], y[k], b[k], arc[k], nxt[k], prv[k] = -1e7, -1e7, 0.0, False, k, k
+    vertices = np.empty(4, np.int64)
+    own = np.empty(4, np.int64)
+    free, own_count = touched(rule, site, data, nxt, prv, n, vertices, own)
+    vertices, own = vertices[:free], own[:own_count]
+
+    box = np.array((np.inf, np.inf, -np.inf, -np.inf))
+    _stretch_site(box, base.loops, rule, site, int(data[0]), vertices)
+    rewrite(rule, site, data, x, y, b, arc, nxt, prv, n)
+    for e in vertices:
+        _stretch_edge(box, x, y, b, nxt, e)
+    for e in own:
+        _stretch_edge(box, x, y, b, nxt, e)
+    pad = MARGIN + ramp
+    c0, r0 = max(math.floor(max(box[0], 0.0) - pad), 0), max(math.floor(max(box[1], 0.0) - pad), 0)
+    c1 = min(math.ceil(min(box[2], float(width)) + pad), width)
+    r1 = min(math.ceil(min(box[3], float(height)) + pad), height)
+    if r1 <= r0 or c1 <= c0:
+        return -1.0, free
+
+    goal = _base_error(base, picture, r0, r1, c0, c1) - cost - ROUNDING * (r1 - r0) * (c1 - c0)
+    if goal <= 0.0:
+        return goal, free
+    columns = np.full((n + NEW_VERTICES, NUMBERS), -1)
+    bulges = np.empty(MOST_FREE, np.int64)
+    size = _parameters(room, vertices, own, columns, bulges)
+    scene = _scene(room, base, _moving(room, base, columns), picture, r0, r1, c0, c1, ramp)
+    values = fit[:size]
+    for k in range(size):
+        values[k] = b[bulges[k]] if k >= 2 * free else (x[vertices[k // 2]] if k % 2 == 0 else y[vertices[k // 2]])
+    return goal - _descend(scene, room, columns, vertices, bulges, picture, ramp, steps, goal, values), free
+
+
+@nb.njit(cache=True)
+def trials(
+    rules: Ints, sites: Ints, data: Floats, costs: Floats, loops: Linked, picture: Picture, ramp: float, steps: int
+) -> tuple[Floats, Ints, Floats]:
     """Try rewrites one by one on the same base.
 
-    rules, sites: (k,) int64; data: (k, 3); costs: (k,) the squared error each must earn; x, y, b, arc, nxt, prv: (n,) the base in pixels; target (height, width) with
-    its row sums ``runs`` and ``squares`` (height, width + 1) of 1 - 2 t and t^2. Returns gain (k,), the decrease of the
-    squared error less the cost, free (k,), the number of tuned vertices, and fit (k, MOST_FREE): x, y of those vertices, then the bulges of the own arcs.
+    rules, sites: (k,) int64; data: (k, 3); costs: (k,) the squared error each must earn; loops: the base in
+    pixels. Returns gain (k,), the decrease of the squared error less the cost, free (k,), the number of tuned vertices,
+    and fit (k, MOST_FREE): x, y of those vertices, then the bulges of the own arcs.
     """
-    count, n = rules.shape[0], x.shape[0]
+    count, more = rules.shape[0], loops.x.shape[0] + NEW_VERTICES
     gain = np.empty(count)
     free = np.empty(count, np.int64)
     fit = np.empty((count, MOST_FREE))
-    shape = (x, y, b, arc, nxt, prv)
-    more = n + NEW_VERTICES
-    room = (
+    base = _base(loops, picture.target.shape, ramp)
+    room = Linked(
         np.empty(more), np.empty(more), np.empty(more),
         np.empty(more, np.bool_), np.empty(more, np.int64), np.empty(more, np.int64),
     )  # fmt: skip
     for k in range(count):
-        gain[k], free[k] = _trial(rules[k], sites[k], data[k], costs[k], shape, room, target, runs, squares, ramp, steps, fit[k])
+        gain[k], free[k] = _trial(rules[k], sites[k], data[k], costs[k], base, room, picture, ramp, steps, fit[k])
     return gain, free, fit
