@@ -2,9 +2,9 @@
 
     python benchmarks/recovery.py [--counts 200 200 100] [--jobs 1] [--seed 0] [--method fast] [--out DIR]
 
-Shapes of three classes (about 8, 40 and 95 primitives) are drawn by `d4cad.shapes.generate`, shape k of a class with the
-seed k, and rendered by the paper's raster at 256x256. They are written as `{class}.json` in the neutral format, so that
-`d4cad bench` fits them as it fits any other folder.
+Shapes of three classes (about 8, 40 and 95 primitives) are drawn by `d4cad.shapes.generate`, shape k of a class with
+the seed k, and rendered by the paper's raster at 256x256. They are written as `{class}.json` in the neutral format,
+so that `d4cad bench` fits them as it fits any other folder.
 """
 
 from __future__ import annotations
@@ -51,9 +51,12 @@ def distribution(rows: Sequence[bench.Row]) -> str:
 
 def worst(rows: Sequence[bench.Row], count: int = 5) -> str:
     """The shapes that are not exact or, among exact ones, were slowest."""
-    order = sorted(rows, key=lambda row: (row.exact, min(row.psnr, 120.0) - (row.primitives - row.true_primitives), -row.cpu_s))
+    order = sorted(
+        rows, key=lambda row: (row.exact, min(row.psnr, 120.0) - (row.primitives - row.true_primitives), -row.cpu_s)
+    )
     return "\n".join(
-        f"{row.set}_{row.index:03d}: {row.psnr:.1f} dB, {row.primitives} of {row.true_primitives} primitives, {row.cpu_s:.2f} s, {row.stop}"
+        f"{row.set}_{row.index:03d}: {row.psnr:.1f} dB, {row.primitives} primitives for {row.true_primitives}, "
+        f"{row.cpu_s:.2f} s, {row.stop}"
         for row in order[:count]
     )
 

@@ -72,8 +72,8 @@ class Canvas:
 
     def to_pixels(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """World points (..., 2) as (column, row) coordinates in pixels from the lower left corner."""
-        return np.asarray(points) / self.pixel + np.array([self.width / 2, self.height / 2])
+        return np.asarray(points / self.pixel + np.array([self.width / 2, self.height / 2]))
 
     def to_world(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """The inverse of :meth:`to_pixels`."""
-        return (np.asarray(points) - np.array([self.width / 2, self.height / 2])) * self.pixel
+        return np.asarray((points - np.array([self.width / 2, self.height / 2])) * self.pixel)

@@ -33,8 +33,9 @@ class Stop(Enum):
 class Stage:
     """A stretch of the search at one edge model and one price.
 
-    ramp: half-width of the coverage ramp in pixels. price: loss that one unit of complexity may cost. rounds: at most so
-    many rounds of steps and rewrites. patience: rounds without a relative gain of ``tolerance`` before the stage ends.
+    ramp: half-width of the coverage ramp in pixels. price: loss that one unit of complexity may cost. rounds: at most
+    so many rounds of steps and rewrites. patience: rounds without a relative gain of ``tolerance`` before the stage
+    ends.
     """
 
     ramp: float
@@ -50,8 +51,8 @@ class Method:
 
     stages: one after another. rhythm: numbers of gradient steps, each followed by a repair. stepper: the continuous
     optimiser. estimator: how rewrites are scored. sample: how many proposals a round scores, None for all; ``reserved``
-    maps a rule to the share of the sample kept for it. recheck: whether a chosen set must lower the objective after a full
-    run of steps, else its best third is tried, and so on down to one.
+    maps a rule to the share of the sample kept for it. recheck: whether a chosen set must lower the objective after a
+    full run of steps, else its best third is tried, and so on down to one.
     """
 
     stages: tuple[Stage, ...]
@@ -100,7 +101,6 @@ class Point(Generic[S]):
     steps: int = 0
 
 
-@threadpool_limits.wrap(limits=1)  # a small matrix is slower on two threads, and its rounding depends on them
 def descend(
     program: Program[S],
     grammar: Grammar[S],
@@ -113,33 +113,34 @@ def descend(
 ) -> Descent[S]:
     """Algorithm 1: gradient steps interleaved with sampled, scored and greedily combined rewrites.
 
-    ``watch`` is called after every round. Ctrl-C (KeyboardInterrupt) or the end of ``max_seconds`` ends the run with the
-    best program so far.
+    ``watch`` is called after every round. Ctrl-C (KeyboardInterrupt) or the end of ``max_seconds`` ends the run with
+    the best program so far.
     """
     search = Search(grammar, canvas, method, watch, max_seconds)
     here = Point(program, method.stepper.init(program))
     best, stop = here, Stop.ROUNDS
-    try:
-        for stage in method.stages:
-            search.enter(stage)
-            best, quiet, stop = replace(here, total=inf), 0, Stop.ROUNDS
-            for _ in range(stage.rounds):
-                loss = objective.draw(rng)
-                here = search.settle(here, loss)
-                chosen = compatible(search.promising(here, loss, rng))
-                there, accepted = search.combine(here, chosen, loss)
-                search.record(there if method.recheck else here, accepted)
-                gained = min(here.total, there.total) < best.total * (1 - stage.tolerance)
-                quiet = 0 if gained and (accepted or stage.patience) else quiet + 1
-                best = min(best, here, there, key=lambda point: point.total)
-                here = there
-                if quiet > stage.patience:
-                    stop = Stop.PATIENCE if stage.patience else Stop.STALLED
-                    break
-    except KeyboardInterrupt:
-        stop = Stop.INTERRUPTED
-    except OutOfTime:
-        stop = Stop.TIME
+    with threadpool_limits(limits=1):  # on more threads small matrices are slower, and round as their number has it
+        try:
+            for stage in method.stages:
+                search.enter(stage)
+                best, quiet, stop = replace(here, total=inf), 0, Stop.ROUNDS
+                for _ in range(stage.rounds):
+                    loss = objective.draw(rng)
+                    here = search.settle(here, loss)
+                    chosen = compatible(search.promising(here, loss, rng))
+                    there, accepted = search.combine(here, chosen, loss)
+                    search.record(there if method.recheck else here, accepted)
+                    gained = min(here.total, there.total) < best.total * (1 - stage.tolerance)
+                    quiet = 0 if gained and (accepted or stage.patience) else quiet + 1
+                    best = min(best, here, there, key=lambda point: point.total)
+                    here = there
+                    if quiet > stage.patience:
+                        stop = Stop.PATIENCE if stage.patience else Stop.STALLED
+                        break
+        except KeyboardInterrupt:
+            stop = Stop.INTERRUPTED
+        except OutOfTime:
+            stop = Stop.TIME
     best = min(best, search.latest or best, key=lambda point: point.total)
     return Descent(best.program, best.loss, tuple(search.history), stop)
 
@@ -201,7 +202,9 @@ class Search(Generic[S]):
                 value = self._loss(program, loss)
             elif stepper.settled(state):
                 break
-        self.latest = Point(program, state, value, value + self.stage.price * self.grammar.complexity(program), self.steps)
+        self.latest = Point(
+            program, state, value, value + self.stage.price * self.grammar.complexity(program), self.steps
+        )
         return self.latest
 
     def promising(self, here: Point[S], loss: Loss, rng: np.random.Generator) -> list[Trial]:
@@ -238,7 +241,7 @@ class Search(Generic[S]):
 
 
 def sampled(rewrites: Sequence[Rewrite], method: Method, rng: np.random.Generator) -> list[Rewrite]:
-    """At most ``method.sample`` rewrites, uniformly without replacement; reserved shares for the rules that have one."""
+    """At most ``method.sample`` rewrites, drawn uniformly without replacement from each rule's share."""
     if method.sample is None:
         return list(rewrites)
     room, chosen = method.sample, []

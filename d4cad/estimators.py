@@ -25,7 +25,13 @@ class Stepped:
     steps: int = 1
 
     def estimate(
-        self, program: Program[S], rewrites: Sequence[Rewrite], grammar: Grammar[S], loss: Loss, canvas: Canvas, price: float
+        self,
+        program: Program[S],
+        rewrites: Sequence[Rewrite],
+        grammar: Grammar[S],
+        loss: Loss,
+        canvas: Canvas,
+        price: float,
     ) -> list[Trial]:
         """One trial per rewrite, in order."""
         base = self._total(program, grammar, loss, canvas, price)
@@ -59,7 +65,9 @@ class LocalFit:
 
     steps: int = 4
 
-    def estimate(self, program: Program[S], rewrites: Sequence[Rewrite], grammar: Any, loss: Loss, canvas: Canvas, price: float) -> list[Trial]:
+    def estimate(
+        self, program: Program[S], rewrites: Sequence[Rewrite], grammar: Any, loss: Loss, canvas: Canvas, price: float
+    ) -> list[Trial]:
         """Trials of the rewrites that pay, the fitted values in the rewrite."""
         trials: list[Trial] = grammar.local_trials(program, rewrites, loss, canvas, price, self.steps)
         return trials

@@ -55,5 +55,7 @@ class Edit(Generic[S]):
 
     def carry(self, values: Floats, fresh: float = 0.0) -> Floats:
         """Old per-parameter ``values`` (m,) in the order of the new parameters, ``fresh`` where new."""
-        carried: Any = np.where(self.origin >= 0, values[self.origin], fresh) if values.size else np.full(self.origin.shape, fresh)
+        carried: Any = (
+            np.where(self.origin >= 0, values[self.origin], fresh) if values.size else np.full(self.origin.shape, fresh)
+        )
         return np.asarray(carried, dtype=np.float64)

@@ -23,8 +23,8 @@ T = TypeVar("T")
 class Evaluation:
     """A loss at a program.
 
-    value: the loss. gradient: (n,) its derivative by the parameters. curvature: (n, n) Gauss-Newton approximation of its
-    second derivative where the loss is a sum of squares, else None.
+    value: the loss. gradient: (n,) its derivative by the parameters. curvature: (n, n) Gauss-Newton approximation of
+    its second derivative where the loss is a sum of squares, else None.
     """
 
     value: float
@@ -145,7 +145,15 @@ class Estimator(Protocol):
     """How the improvement by each rewrite is foretold."""
 
     def estimate(
-        self, program: Program[S], rewrites: Sequence[Rewrite], grammar: Grammar[S], loss: Loss, canvas: Canvas, price: float
+        self,
+        program: Program[S],
+        rewrites: Sequence[Rewrite],
+        grammar: Grammar[S],
+        loss: Loss,
+        canvas: Canvas,
+        price: float,
     ) -> list[Trial]:
-        """Trials of the rewrites, at least of those that pay; ``price``: the loss that one unit of complexity may cost."""
+        """Trials of the rewrites, at least of those that pay; ``price``: the loss that one unit of complexity may
+        cost.
+        """
         ...

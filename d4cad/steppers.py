@@ -138,8 +138,8 @@ class Trust:
 class LevenbergMarquardt:
     """Damped Gauss-Newton steps (Marquardt 1963: the damping scales the curvature's diagonal).
 
-    A step that raised the loss is taken back by the next one, at ten times the damping. ``reach``: the longest change of
-    one parameter in a step. ``tolerance``: the relative decrease of the loss under which the program is settled;
+    A step that raised the loss is taken back by the next one, at ten times the damping. ``reach``: the longest change
+    of one parameter in a step. ``tolerance``: the relative decrease of the loss under which the program is settled;
     ``least``: a loss so small that it is settled anyway.
     """
 
@@ -180,7 +180,9 @@ class LevenbergMarquardt:
         while True:
             np.fill_diagonal(curvature, diagonal * (1 + damping) + floor)
             try:
-                increment: Floats = -cho_solve(cho_factor(curvature, check_finite=False), here.gradient, check_finite=False)
+                increment: Floats = -cho_solve(
+                    cho_factor(curvature, check_finite=False), here.gradient, check_finite=False
+                )
                 break
             except LinAlgError:
                 damping = max(10 * damping, 1e-6)
@@ -196,5 +198,3 @@ class LevenbergMarquardt:
     def settled(self, state: Trust) -> bool:
         """Whether the last step gained nearly nothing."""
         return state.done
-
-

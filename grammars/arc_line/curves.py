@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 
 import numba as nb
-import numpy as np
 
 
 @nb.njit(cache=True, inline="always")
@@ -92,16 +91,15 @@ def winding(x, y, b, nxt, px, py):
         dx, dy = x1 - x0, y1 - y0
         right = (px - x0) * dy - (py - y0) * dx  # chord times v, > 0 right of travel
         if (y0 <= py) != (y1 <= py):
-            # The ray to the left meets the chord iff the point is right of it: of a rising chord that is right of travel.
+            # The ray to the left meets the chord iff the point is right of it: right of travel if the chord rises.
             if dy > 0.0 and right >= 0.0:
                 turns -= 1
             elif dy < 0.0 and right < 0.0:
                 turns += 1
-        if b[i] != 0.0:
-            if (right >= 0.0) == (b[i] > 0.0):
-                along = (px - x0) * dx + (py - y0) * dy
-                reach = (px - x0) ** 2 + (py - y0) ** 2
-                f = 2.0 * b[i] * (reach - along) + (1.0 - b[i] * b[i]) * right
-                if f * b[i] < 0.0:
-                    turns += 1 if b[i] > 0.0 else -1
+        if b[i] != 0.0 and (right >= 0.0) == (b[i] > 0.0):
+            along = (px - x0) * dx + (py - y0) * dy
+            reach = (px - x0) ** 2 + (py - y0) ** 2
+            f = 2.0 * b[i] * (reach - along) + (1.0 - b[i] * b[i]) * right
+            if f * b[i] < 0.0:
+                turns += 1 if b[i] > 0.0 else -1
     return turns

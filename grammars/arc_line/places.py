@@ -45,8 +45,8 @@ class DemandPlaces:
     """Where the demand is: the deepest place of every connected region of demand above ``level``, of either sign.
 
     The depth is the distance to the region's outside (distance transform); the new circle has that radius less half a
-    pixel. Circles under ``small`` pixels of radius are left to the other rewrites as long as there are larger ones, those
-    under ``least`` always; the ``most`` deepest are kept per sign.
+    pixel. Circles under ``small`` pixels of radius are left to the other rewrites as long as there are larger ones,
+    those under ``least`` always; the ``most`` deepest are kept per sign.
     """
 
     level: float = 0.5
@@ -69,7 +69,9 @@ class DemandPlaces:
         depth = ndimage.distance_transform_edt(cut)
         labels, count = ndimage.label(cut)
         peaks = ndimage.maximum_position(depth, labels, range(1, count + 1))
-        deep = sorted(((float(depth[p]), p) for p in peaks if depth[p] - 0.5 >= self.least), key=lambda item: (-item[0], item[1]))
+        deep = sorted(
+            ((float(depth[p]), p) for p in peaks if depth[p] - 0.5 >= self.least), key=lambda item: (-item[0], item[1])
+        )
         places = []
         for radius, (i, j) in deep[: self.most]:
             x, y = canvas.to_world(np.array([c + j - 1 + 0.5, r + i - 1 + 0.5]))

@@ -39,7 +39,8 @@ class Rule(IntEnum):
     PINCH = 9
     """Edges i and j, the two sides of a slit or of a thin wall, swap their ends, and the slit is gone.
 
-    data = (j, p, q): whether the new edge from i's start to j's end, and the one from j's start to i's end, is a point."""
+    data = (j, p, q): whether the new edge from i's start to j's end, and the one from j's start to i's end, is a
+    point."""
 
 
 NEW_VERTICES = 4
@@ -131,9 +132,10 @@ def _remove(i, x, y, nxt, prv):
 def touched(rule, site, data, nxt, prv, n, vertices, edges):
     """What a rewrite touches, asked *before* it is applied.
 
-    Fills ``vertices`` (4,) with the ends of the edges that it makes or changes (-1: none), those whose places a trial may
-    tune first, and ``edges`` (4,) with these edges. Returns how many vertices are tunable, and how many edges there are.
-    Far ends stay put in a trial, which keeps its window small; a merge moves them, having nothing else to give way.
+    Fills ``vertices`` (4,) with the ends of the edges that it makes or changes (-1: none), those whose places a trial
+    may tune first, and ``edges`` (4,) with these edges. Returns how many vertices are tunable, and how many edges there
+    are. Far ends stay put in a trial, which keeps its window small; a merge moves them, having nothing else to give
+    way.
     """
     i, j = site, nxt[site]
     vertices[:] = -1
@@ -179,8 +181,8 @@ def touched(rule, site, data, nxt, prv, n, vertices, edges):
 def candidates(x, y, b, arc, nxt, prv, sizes, lossy):
     """Rewrites of edges and vertices that their guards allow, all but those of whole loops.
 
-    x, y, b, arc, nxt, prv: (n,) linked loops in pixels; sizes: (n,) the number of edges of each vertex' loop; lossy: how far (px)
-    a merge may move the outline. Returns rules, sites (k,) and touched (k, 4), the vertices that each
+    x, y, b, arc, nxt, prv: (n,) linked loops in pixels; sizes: (n,) the number of edges of each vertex' loop; lossy:
+    how far (px) a merge may move the outline. Returns rules, sites (k,) and touched (k, 4), the vertices that each
     touches (-1: none).
     """
     n = x.shape[0]
@@ -192,14 +194,21 @@ def candidates(x, y, b, arc, nxt, prv, sizes, lossy):
     k = 0
     for i in range(n):
         j, p = nxt[i], prv[i]
-        for rule in (Rule.SPLIT, Rule.SPLIT_LINES, Rule.TO_LINE, Rule.TO_ARC, Rule.MERGE_LINE, Rule.MERGE_ARC, Rule.CLOSE):
+        for rule in (
+            Rule.SPLIT,
+            Rule.SPLIT_LINES,
+            Rule.TO_LINE,
+            Rule.TO_ARC,
+            Rule.MERGE_LINE,
+            Rule.MERGE_ARC,
+            Rule.CLOSE,
+        ):
             if (rule == Rule.SPLIT_LINES or rule == Rule.TO_LINE) and not arc[i]:
                 continue
             if rule == Rule.TO_ARC and arc[i]:
                 continue
-            if rule == Rule.MERGE_LINE or rule == Rule.MERGE_ARC or rule == Rule.CLOSE:
-                if sizes[i] <= 2:
-                    continue
+            if sizes[i] <= 2 and (rule == Rule.MERGE_LINE or rule == Rule.MERGE_ARC or rule == Rule.CLOSE):
+                continue
             if rule == Rule.TO_LINE and abs(b[i]) * math.hypot(x[j] - x[i], y[j] - y[i]) > 2.0 * lossy:
                 continue
             if rule == Rule.MERGE_LINE and not _near_line(x, y, b, p, i, j, lossy):
@@ -217,10 +226,11 @@ def candidates(x, y, b, arc, nxt, prv, sizes, lossy):
 
 @nb.njit(cache=True)
 def slits(x, y, b, nxt, width):
-    """Pairs of nearly straight edges that run side by side in opposite directions, nowhere further apart than ``width``.
+    """Pairs of nearly straight edges that run side by side in opposite directions, nowhere further apart than
+    ``width``.
 
-    Returns i, j (k,) int64 and points (k, 2) bool: whether the start of i and the end of j, and the start of j and the end
-    of i, are within ``width``, so that the edge between them would be a point.
+    Returns i, j (k,) int64 and points (k, 2) bool: whether the start of i and the end of j, and the start of j and
+    the end of i, are within ``width``, so that the edge between them would be a point.
     """
     n = x.shape[0]
     first, second = np.empty(n, np.int64), np.empty(n, np.int64)
@@ -286,6 +296,9 @@ def _near_arc(x, y, b, p, i, j, lossy):
     sign = 1.0 if whole > 0.0 else -1.0
     for c, bulge in ((first, b[p]), (second, b[i])):
         minor = sign * math.tan(0.5 * math.asin(min(1.0, 0.5 * c / r)))
-        if 0.5 * c * abs(bulge - minor) > lossy and 0.5 * c * abs(bulge - (1.0 / minor if minor != 0.0 else 0.0)) > lossy:
+        if (
+            0.5 * c * abs(bulge - minor) > lossy
+            and 0.5 * c * abs(bulge - (1.0 / minor if minor != 0.0 else 0.0)) > lossy
+        ):
             return False
     return True

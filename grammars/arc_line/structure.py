@@ -18,8 +18,8 @@ class Structure:
     """Closed loops of lines and arcs.
 
     sizes: number of edges of each loop, at least 2. arcs: for every edge, loop after loop, whether it is an arc.
-    Edge i runs from vertex i to the next vertex of its loop. Parameters of a program: x, y of every vertex in world units
-    (2 n), then the bulge tan(sweep / 4) of every arc in order.
+    Edge i runs from vertex i to the next vertex of its loop. Parameters of a program: x, y of every vertex in world
+    units (2 n), then the bulge tan(sweep / 4) of every arc in order.
     """
 
     sizes: tuple[int, ...]
@@ -27,7 +27,9 @@ class Structure:
 
     def __post_init__(self) -> None:
         if sum(self.sizes) != len(self.arcs) or any(size < 2 for size in self.sizes):
-            raise GrammarError(f"loops need at least 2 edges each and one kind per edge, got sizes {self.sizes} for {len(self.arcs)} edges")
+            raise GrammarError(
+                f"loops need at least 2 edges each and one kind per edge, got {len(self.arcs)} kinds for {self.sizes}"
+            )
 
     @cached_property
     def layout(self) -> Layout:
@@ -50,9 +52,9 @@ class Structure:
 class Layout(NamedTuple):
     """Index arrays of a structure of n edges.
 
-    nxt: (n,) int64, the vertex at which each edge ends; prv: (n,) int64, the one before. arc: (n,) bool. arc_edges: indices of the arcs.
-    columns: (n, 5) int64, the parameters of an edge: x, y of its start, x, y of its end, its bulge (-1: a line).
-    size: number of parameters.
+    nxt: (n,) int64, the vertex at which each edge ends; prv: (n,) int64, the one before. arc: (n,) bool. arc_edges:
+    indices of the arcs. columns: (n, 5) int64, the parameters of an edge: x, y of its start, x, y of its end, its
+    bulge (-1: a line). size: number of parameters.
     """
 
     nxt: NDArray[np.int64]
@@ -86,7 +88,9 @@ def to_shape(program: Program[Structure], scale: float = 1.0, dx: float = 0.0, d
     return Shape(params[0 : 2 * n : 2] * scale + dx, params[1 : 2 * n : 2] * scale + dy, b, layout.arc, layout.nxt)
 
 
-def from_shape(shape: Shape, sizes: NDArray[np.int64], scale: float = 1.0, dx: float = 0.0, dy: float = 0.0) -> Program[Structure]:
+def from_shape(
+    shape: Shape, sizes: NDArray[np.int64], scale: float = 1.0, dx: float = 0.0, dy: float = 0.0
+) -> Program[Structure]:
     """The program of loops stored one after another with ``sizes``; the inverse of :func:`to_shape`."""
     n = len(shape.x)
     params = np.empty(2 * n + int(shape.arc.sum()))
@@ -96,7 +100,9 @@ def from_shape(shape: Shape, sizes: NDArray[np.int64], scale: float = 1.0, dx: f
     return Program(Structure(tuple(sizes.tolist()), tuple(shape.arc.tolist())), params)
 
 
-def parameter_origin(vertex: NDArray[np.int64], edge: NDArray[np.int64], arc: NDArray[np.bool_], old: Layout) -> NDArray[np.int64]:
+def parameter_origin(
+    vertex: NDArray[np.int64], edge: NDArray[np.int64], arc: NDArray[np.bool_], old: Layout
+) -> NDArray[np.int64]:
     """For each new parameter the old one it continues, or -1.
 
     vertex, edge: (n,) int64, the old vertex whose place and the old edge whose bulge the new ones continue, or -1;
@@ -109,7 +115,8 @@ def parameter_origin(vertex: NDArray[np.int64], edge: NDArray[np.int64], arc: ND
 
 
 def sagitta_metric(program: Program[Structure]) -> Floats:
-    """Steps (n,) per unit of gradient that amount to the paper's, which moves an arc's sagitta k and not its bulge 2 k / c.
+    """Steps (n,) per unit of gradient that amount to the paper's, which moves an arc's sagitta k and not its bulge 2
+    k / c.
 
     The paper descends on k sqrt(2) (SPEC 2, "Scaling"): dk = -dL/dk / 2, so db = -(2 / c^2) dL/db for the chord c.
     """
