@@ -19,8 +19,10 @@ BINARY = 0.25
 REACH = 11
 """Side in pixels of the window within which a pixel counts as near an edge."""
 
-AREA_PRICE = 0.065
+AREA_PRICE = 0.03
 """Least gain in summed squared error where area coverage is fitted by a ramp of half-width 1/2."""
+BLUR_PRICE = 0.25
+"""The same for each square pixel of a blurred ramp's half-width: a blur also rounds the corners, over such an area."""
 BINARY_PRICE = 2.5
 """The same where the picture has no grey: a staircase is off by 1/12 a boundary pixel, for many pixels in a row."""
 NOISE_PRICE = 125.0
@@ -55,9 +57,11 @@ def measured(target: Floats, noise: float) -> EdgeModel:
     ramp = edge_ramp(target)
     if ramp < BINARY:
         return EdgeModel(AREA_RAMP, BINARY_PRICE)
-    ramp = AREA_RAMP if ramp < BLURRED else min(ramp, WIDEST)
-    # A blur also rounds the corners, over an area that grows with the square of its width.
-    return EdgeModel(ramp, max(AREA_PRICE * (ramp / AREA_RAMP) ** 2, NOISE_PRICE * noise**2))
+    noisy = NOISE_PRICE * noise**2
+    if ramp < BLURRED:
+        return EdgeModel(AREA_RAMP, max(AREA_PRICE, noisy))
+    ramp = min(ramp, WIDEST)
+    return EdgeModel(ramp, max(BLUR_PRICE * ramp**2, noisy))
 
 
 def edge_ramp(target: Floats) -> float:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from d4cad.canvas import PAPER_RAMP, Canvas
-from d4cad.edgemodel import AREA_PRICE, BINARY_PRICE, edge_ramp, exact, measured
+from d4cad.edgemodel import AREA_PRICE, BINARY_PRICE, BLUR_PRICE, edge_ramp, exact, measured
 
 Floats = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def test_a_picture_without_grey_has_stairs() -> None:
 def test_blur_costs_corners() -> None:
     model = measured(gaussian_filter(disc(0.5), 1.5), 0.0)
     assert model.ramp == pytest.approx(2.6, abs=0.3)
-    assert model.floor == pytest.approx(AREA_PRICE * (2 * model.ramp) ** 2)
+    assert model.floor == pytest.approx(BLUR_PRICE * model.ramp**2)
     assert measured(gaussian_filter(disc(0.5), 9.0), 0.0).ramp == 4.0
 
 
