@@ -1,4 +1,4 @@
-"""Where two edges cross, compiled. All in pixels; an edge is one row of the scan kernel's table."""
+"""Where edges meet, compiled. All in pixels; an edge is one row of the scan kernel's table."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ import math
 import numba as nb
 import numpy as np
 
-from d4cad.raster.scan import BULGE, CX, FLAT, LENGTH, RADIUS, SX, X0, Y0
+from d4cad.raster.scan import BULGE, CX, FLAT, LENGTH, RADIUS, SX, X0, Y0, _distance
 
-SHARED = 1e-4
-"""Two edges that share a vertex always meet there: a crossing nearer to it than this (px) is that meeting."""
+TOUCH = 1e-6
+"""What comes this near (px) to an edge lies on it: far above the rounding of a crossing, far below what matters."""
+SNAP = 1e-4
+"""Crossings and vertices this near (px) to each other are one node; so near to a shared vertex edges do not cross."""
 
 
 @nb.njit(cache=True)
-def boxes(x, y, owner, ends, pieces, n):
+def boxes(owner, ends, pieces, n):
     """True bounding boxes of the edges, (n, 4): low x, low y, high x, high y, from their monotone pieces."""
     box = np.empty((n, 4))
     box[:, 0:2] = np.inf
@@ -46,6 +48,17 @@ def share(table, e, px, py):
     return math.atan2(v, length - u) / half
 
 
+@nb.njit(cache=True)
+def gap(table, e, px, py):
+    """Distance of a point from an edge."""
+    dx, dy = px - table[e, X0], py - table[e, Y0]
+    u = dx * table[e, CX] + dy * table[e, SX]
+    v = dx * table[e, SX] - dy * table[e, CX]
+    b = table[e, BULGE]
+    cos, sin = (1.0 - b * b) / (1.0 + b * b), 2.0 * b / (1.0 + b * b)
+    return abs(_distance(u, v, table[e, LENGTH], b, cos, sin, table[e, RADIUS], table[e, FLAT])[0])
+
+
 @nb.njit(cache=True, inline="always")
 def _implicit(table, e):
     """The edge's curve as k (x^2 + y^2) + 2 gx x + 2 gy y + h = 0 about its own start (h = 0)."""
@@ -59,7 +72,8 @@ def _implicit(table, e):
 def meet(table, i, j, points):
     """Intersections of the whole curves (lines or circles) of edges i and j; fills ``points`` (2, 2), returns how many.
 
-    The radical line of both circles meets the more curved one of them; tangent contact counts as none.
+    The radical line of both circles meets the more curved one of them. Where it passes by, the one point is where the
+    curves are nearest, so that a tangency lost to rounding is still looked at.
     """
     if abs(table[i, BULGE]) * table[j, LENGTH] < abs(table[j, BULGE]) * table[i, LENGTH]:
         i, j = j, i
@@ -71,80 +85,142 @@ def meet(table, i, j, points):
     jx -= kj * ox
     jy -= kj * oy
     # Radical line a.p = c: curve j minus ratio times curve i.
-    if k != 0.0:
-        ratio = kj / k
-        ax, ay, c = 2.0 * (jx - ratio * gx), 2.0 * (jy - ratio * gy), -hj
-    else:
-        ax, ay, c = 2.0 * jx, 2.0 * jy, -hj
+    ratio = kj / k if k != 0.0 else 0.0
+    ax, ay, c = 2.0 * (jx - ratio * gx), 2.0 * (jy - ratio * gy), -hj
     size2 = ax * ax + ay * ay
-    if size2 < 1e-24 * (table[i, RADIUS] ** 2 + table[j, RADIUS] ** 2) or size2 == 0.0:
+    if size2 <= 1e-24 * (table[i, RADIUS] ** 2 + table[j, RADIUS] ** 2):
         return 0
     qx, qy = ax * c / size2, ay * c / size2
     dx, dy = -ay / math.sqrt(size2), ax / math.sqrt(size2)
     # On p = q + s d: k s^2 + 2 (k q.d + g.d) s + (k q.q + 2 g.q) = 0.
     half = k * (qx * dx + qy * dy) + gx * dx + gy * dy
     rest = k * (qx * qx + qy * qy) + 2.0 * (gx * qx + gy * qy)
-    disc = half * half - k * rest
-    if disc <= 1e-14 * (half * half + abs(k * rest)) or (half == 0.0 and k == 0.0):
-        return 0
-    root = math.sqrt(disc)
+    root = math.sqrt(max(half * half - k * rest, 0.0))
     big = -(half + root) if half >= 0.0 else root - half
     count = 0
     for r in range(2):
-        if r == 0:
-            if big == 0.0:
-                continue
-            s = rest / big
-        else:
-            if abs(k) * 1e12 * table[i, LENGTH] < abs(big):
-                continue
-            s = big / k
+        above, below = (rest, big) if r == 0 else (big, k)
+        if abs(below) * 1e12 * (table[i, LENGTH] + table[j, LENGTH]) <= abs(above):
+            continue  # so far away that only parallel lines meet there
+        s = above / below if below != 0.0 else 0.0
         points[count, 0] = table[i, X0] + qx + s * dx
         points[count, 1] = table[i, Y0] + qy + s * dy
         count += 1
+        if root == 0.0:
+            break
     return count
 
 
 @nb.njit(cache=True)
-def crossings(table, x, y, nxt, owner, ends, pieces):
-    """All proper crossings of different edges.
-
-    Returns (edge, at, px, py), each crossing as two neighbouring rows 2c and 2c + 1: the edge, the share of it at
-    which the crossing lies, and the point.
-    """
-    n = table.shape[0]
-    box = boxes(x, y, owner, ends, pieces, n)
-    capacity = 64
+def near_pairs(box, margin):
+    """Pairs i < j of boxes (n, 4) that come within ``margin`` of each other, (k, 2)."""
+    n = box.shape[0]
+    pairs = np.empty((n * (n - 1) // 2, 2), np.int64)
     count = 0
-    edge = np.empty(2 * capacity, np.int64)
-    at = np.empty(2 * capacity)
-    px = np.empty(2 * capacity)
-    py = np.empty(2 * capacity)
-    points = np.empty((2, 2))
     for i in range(n):
+        low_x, low_y, high_x, high_y = box[i, 0] - margin, box[i, 1] - margin, box[i, 2] + margin, box[i, 3] + margin
         for j in range(i + 1, n):
-            if box[i, 0] > box[j, 2] or box[j, 0] > box[i, 2] or box[i, 1] > box[j, 3] or box[j, 1] > box[i, 3]:
-                continue
-            found = meet(table, i, j, points)
-            for r in range(found):
-                qx, qy = points[r, 0], points[r, 1]
-                if nxt[i] == j and math.hypot(qx - x[j], qy - y[j]) < SHARED:
-                    continue
-                if nxt[j] == i and math.hypot(qx - x[i], qy - y[i]) < SHARED:
-                    continue
-                si, sj = share(table, i, qx, qy), share(table, j, qx, qy)
-                if not (0.0 < si < 1.0 and 0.0 < sj < 1.0):
-                    continue
-                if count == capacity:
-                    capacity *= 2
-                    edge = np.concatenate((edge, np.empty(2 * count, np.int64)))
-                    at = np.concatenate((at, np.empty(2 * count)))
-                    px = np.concatenate((px, np.empty(2 * count)))
-                    py = np.concatenate((py, np.empty(2 * count)))
-                c = 2 * count
-                edge[c], edge[c + 1] = i, j
-                at[c], at[c + 1] = si, sj
-                px[c] = px[c + 1] = qx
-                py[c] = py[c + 1] = qy
+            if low_x <= box[j, 2] and box[j, 0] <= high_x and low_y <= box[j, 3] and box[j, 1] <= high_y:
+                pairs[count, 0], pairs[count, 1] = i, j
                 count += 1
-    return edge[: 2 * count], at[: 2 * count], px[: 2 * count], py[: 2 * count]
+    return pairs[:count]
+
+
+@nb.njit(cache=True)
+def root_of(parent, i):
+    """The representative of node i among those that are one with it."""
+    while parent[i] != i:
+        i = parent[i]
+    return i
+
+
+@nb.njit(cache=True, inline="always")
+def _unite(parent, met, i, j):
+    i, j = root_of(parent, i), root_of(parent, j)
+    parent[max(i, j)] = min(i, j)
+    met[i] = met[j] = True
+
+
+@nb.njit(cache=True, inline="always")
+def _end_at(x, y, nxt, e, px, py):
+    """The vertex of edge e that is one with a point, or -1."""
+    if math.hypot(px - x[e], py - y[e]) <= SNAP:
+        return e
+    return nxt[e] if math.hypot(px - x[nxt[e]], py - y[nxt[e]]) <= SNAP else -1
+
+
+@nb.njit(cache=True, inline="always")
+def _node_at(x, y, px, py, qx, qy):
+    """The first vertex or further node that is one with a point, else the number of a new node."""
+    n = x.shape[0]
+    for v in range(n):
+        if abs(x[v] - qx) <= SNAP and abs(y[v] - qy) <= SNAP:
+            return v
+    for k in range(px.shape[0]):
+        if abs(px[k] - qx) <= SNAP and abs(py[k] - qy) <= SNAP:
+            return n + k
+    return n + px.shape[0]
+
+
+@nb.njit(cache=True)
+def meetings(table, x, y, nxt, box):
+    """Where edges meet other than in the vertices they share: crossings, tangencies, vertices on edges or on vertices.
+
+    Returns (edge, at, node, px, py, parent, met). Cuts (k,): the edge, the share of it, the node there. Nodes: the n
+    vertices, then the points (px, py); parent (nodes,) leads to the node that each is one with, met (nodes,) says
+    whether anything meets there.
+    """
+    n = x.shape[0]
+    pairs = near_pairs(box, TOUCH)
+    edge = np.empty(6 * pairs.shape[0], np.int64)
+    at = np.empty(6 * pairs.shape[0])
+    node = np.empty(6 * pairs.shape[0], np.int64)
+    parent = np.arange(n + 2 * pairs.shape[0])
+    met = np.zeros(n + 2 * pairs.shape[0], np.bool_)
+    px, py = np.empty(2 * pairs.shape[0]), np.empty(2 * pairs.shape[0])
+    points = np.empty((2, 2))
+    cuts = fresh = 0
+    for pair in range(pairs.shape[0]):
+        i, j = pairs[pair, 0], pairs[pair, 1]
+        if nxt[i] == j and nxt[j] == i and abs(table[i, BULGE] + table[j, BULGE]) * table[i, LENGTH] <= TOUCH:
+            met[i] = met[j] = True  # a loop of one curve there and back
+        for side in range(2):
+            v, e = (i, j) if side == 0 else (j, i)
+            if v == nxt[e] or gap(table, e, x[v], y[v]) > TOUCH:
+                continue
+            if e == nxt[v] or v == nxt[nxt[e]]:
+                met[e if e == nxt[v] else nxt[e]] = True  # the tip of a spike
+            end = _end_at(x, y, nxt, e, x[v], y[v])
+            if end >= 0:
+                _unite(parent, met, v, end)
+            else:
+                edge[cuts], at[cuts], node[cuts] = e, share(table, e, x[v], y[v]), v
+                cuts += 1
+        for r in range(meet(table, i, j, points)):
+            qx, qy = points[r, 0], points[r, 1]
+            if nxt[i] == j and math.hypot(qx - x[j], qy - y[j]) <= SNAP:
+                continue
+            if nxt[j] == i and math.hypot(qx - x[i], qy - y[i]) <= SNAP:
+                continue
+            if gap(table, i, qx, qy) > TOUCH or gap(table, j, qx, qy) > TOUCH:
+                continue
+            if nxt[i] == j or nxt[j] == i:
+                met[j if nxt[i] == j else i] = True
+            end_i, end_j = _end_at(x, y, nxt, i, qx, qy), _end_at(x, y, nxt, j, qx, qy)
+            if end_i >= 0 and end_j >= 0:
+                _unite(parent, met, end_i, end_j)
+                continue
+            here = max(end_i, end_j)
+            if here < 0:
+                here = _node_at(x, y, px[:fresh], py[:fresh], qx, qy)
+                if here == n + fresh:
+                    px[fresh], py[fresh] = qx, qy
+                    fresh += 1
+            for e, end in ((i, end_i), (j, end_j)):
+                if end < 0:
+                    edge[cuts], at[cuts], node[cuts] = e, share(table, e, qx, qy), here
+                    cuts += 1
+    for k in range(cuts):
+        met[root_of(parent, node[k])] = True
+    nodes = n + fresh
+    return edge[:cuts], at[:cuts], node[:cuts], px[:fresh], py[:fresh], parent[:nodes], met[:nodes]
