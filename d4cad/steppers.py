@@ -8,7 +8,7 @@ from math import inf, sqrt
 from typing import Any
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg.lapack import dposv
 
 from d4cad.program import Edit, Floats, Program
 from d4cad.protocols import Evaluation
@@ -177,15 +177,12 @@ class LevenbergMarquardt:
         curvature = np.array(here.curvature)
         diagonal = np.diagonal(curvature).copy()
         floor = 1e-9 * max(float(diagonal.max(initial=0.0)), 1e-300)
-        while True:
+        increment: Floats = -here.gradient
+        failed = diagonal.size > 0
+        while failed:
             np.fill_diagonal(curvature, diagonal * (1 + damping) + floor)
-            try:
-                increment: Floats = -cho_solve(
-                    cho_factor(curvature, check_finite=False), here.gradient, check_finite=False
-                )
-                break
-            except LinAlgError:
-                damping = max(10 * damping, 1e-6)
+            _, increment, failed = dposv(curvature, -here.gradient)
+            damping = max(10 * damping, 1e-6)
         longest = float(np.abs(increment).max(initial=0.0))
         return increment * min(1.0, self.reach / longest) if longest > 0 else increment
 

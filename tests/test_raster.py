@@ -94,6 +94,7 @@ def oracle(shape: Loops, window: Window, ramp: float) -> Picture:
     torch = pytest.importorskip("torch")
     from d4cad.raster.oracle import coverage
 
+    torch.set_num_threads(1)  # threads cost more than they bring at this size
     leaves = [torch.tensor(part, requires_grad=True) for part in (shape.x, shape.y, shape.b)]
     x, y, b = leaves
     dense = coverage(x, y, b, torch.tensor(shape.nxt), *window, ramp)

@@ -434,7 +434,7 @@ def trials(
     count, more = rules.shape[0], loops.x.shape[0] + NEW_VERTICES
     gain = np.empty(count)
     free = np.empty(count, np.int64)
-    fit = np.empty((count, MOST_FREE))
+    fit = np.zeros((count, MOST_FREE))
     base = _base(loops, picture.target.shape, ramp)
     room = Linked(
         np.empty(more), np.empty(more), np.empty(more),
