@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -181,25 +181,22 @@ class ArcLine:
         """Each rewrite with the values that at most ``steps`` local steps find for it, and what it gains."""
         if not rewrites:
             return []
-        shape = _on(program, canvas)
-        rules = np.array([RULES[r.rule] for r in rewrites], np.int64)
-        sites = np.array([int(r.data[0]) for r in rewrites], np.int64)
         middle = np.array([canvas.width / 2, canvas.height / 2, 0.0])
-        data = np.array([_data(r, 1 / canvas.pixel, middle) for r in rewrites])
-        table = loss.table
-        cost = price * np.array([self.growth(program, r) for r in rewrites])
-        loops = Linked(*shape, program.structure.layout.prv)
-        picture = Picture(table.target, table.runs, table.squares)
-        gain, free, fit = trials(rules, sites, data, cost * canvas.size, loops, picture, canvas.ramp, steps)
-        scale = canvas.pixel / self.pixel
-        fitted = []
-        for k in np.flatnonzero(gain > 0).tolist():
-            item = rewrites[k]
-            values = fit[k].copy()
-            places = values[: 2 * free[k]].reshape(-1, 2)
-            places[:] = (places - middle[:2]) * scale
-            fitted.append(Trial(replace(item, fit=values), float(gain[k]) / canvas.size))
-        return fitted
+        rules = np.array([RULES[r.rule] for r in rewrites], np.int64)
+        data = np.array([(*r.data, 0.0, 0.0, 0.0)[:4] for r in rewrites])
+        sites = data[:, 0].astype(np.int64)
+        data = np.where((rules == Rule.ADD_LOOP)[:, None], data[:, 1:] / canvas.pixel + middle, data[:, 1:])
+        costs = price * canvas.size * np.array([self.growth(program, r) for r in rewrites])
+        loops = Linked(*_on(program, canvas), program.structure.layout.prv)
+        picture = Picture(loss.table.target, loss.table.runs, loss.table.squares)
+        gain, free, fit = trials(rules, sites, data, costs, loops, picture, canvas.ramp, steps)
+        # Places of vertices to the grammar's pixels; bulges, behind them, stay as they are.
+        places = (fit - np.resize(middle[:2], fit.shape[1])) * (canvas.pixel / self.pixel)
+        fit = np.where(np.arange(fit.shape[1]) < 2 * free[:, None], places, fit)
+        return [
+            Trial(Rewrite(rewrites[k].rule, rewrites[k].sites, rewrites[k].data, fit[k]), float(gain[k]) / canvas.size)
+            for k in np.flatnonzero(gain > 0).tolist()
+        ]
 
     def outline(self, program: Program[Structure]) -> Sketch:
         """The loops as an exact sketch in world units."""
@@ -236,8 +233,8 @@ def _on(program: Program[Structure], canvas: Canvas) -> Shape:
     return to_shape(program, 1 / canvas.pixel, canvas.width / 2, canvas.height / 2)
 
 
-def _data(item: Rewrite, scale: float, shift: Floats | float = 0.0) -> Floats:
+def _data(item: Rewrite, scale: float) -> Floats:
     """The numbers of a rewrite as the kernels take them, (3,): a circle in pixels, or an edge."""
     if item.rule == "add-loop":
-        return np.array(item.data[1:]) * scale + shift
+        return np.array(item.data[1:]) * scale
     return np.array([*item.data[1:], 0.0, 0.0, 0.0][:3])
