@@ -152,7 +152,7 @@ class ArcLine:
             data = _data(item, 1 / self.pixel)
             free, own = touched(rule, site, data, nxt, prv, used, vertices, edges)
             used = rewrite(rule, site, data, x, y, b, arc, nxt, prv, used)
-            if item.fit is not None and free:
+            if item.fit is not None:
                 x[vertices[:free]], y[vertices[:free]] = item.fit[0 : 2 * free : 2], item.fit[1 : 2 * free : 2]
                 bent = [e for e in edges[:own] if arc[e]]
                 b[bent] = item.fit[2 * free : 2 * free + len(bent)]
