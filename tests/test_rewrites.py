@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import pi, tan
 
@@ -18,12 +19,13 @@ from d4cad.objectives.image import ImageLoss
 from d4cad.program import Floats, Program, Rewrite
 from d4cad.shapes import generate
 
+Loops = Sequence[Sequence[tuple[float, float, float | None]]]
 CANVAS = Canvas.square(128)
 GRAMMAR = ArcLine(CANVAS.pixel, lossy=24.0)
 QUARTER = tan(pi / 8)
 
 
-def program(*loops: list[tuple[float, float, float | None]]) -> Program[Structure]:
+def program(*loops: Sequence[tuple[float, float, float | None]]) -> Program[Structure]:
     """Loops of vertices (x, y, bulge of the edge from there, None for a line), world units."""
     flat = [vertex for loop in loops for vertex in loop]
     arcs = tuple(b is not None for _, _, b in flat)
@@ -76,7 +78,7 @@ def words(found: Program[Structure]) -> list[str]:
         ("remove-loop", [SQUARE, HOLE], 0, ["LLLL"]),
     ],
 )
-def test_effect(rule: str, loops: list[list[tuple[float, float, float | None]]], site: int, after: list[str]) -> None:
+def test_effect(rule: str, loops: Loops, site: int, after: list[str]) -> None:
     before = program(*loops)
     rewrite = at(before, rule, site)
     found = GRAMMAR.apply(before, [rewrite]).program
@@ -86,7 +88,7 @@ def test_effect(rule: str, loops: list[list[tuple[float, float, float | None]]],
 
 @pytest.mark.parametrize("loops", [[SQUARE], [ROUND], [DISH], [SQUARE, HOLE], [LENS]])
 @pytest.mark.parametrize("rule", ["split", "to-arc"])
-def test_split_and_to_arc_do_not_jump(rule: str, loops: list[list[tuple[float, float, float | None]]]) -> None:
+def test_split_and_to_arc_do_not_jump(rule: str, loops: Loops) -> None:
     before = program(*loops)
     for rewrite in offered(before, rule):
         after = GRAMMAR.apply(before, [rewrite]).program
@@ -101,9 +103,7 @@ def test_split_and_to_arc_do_not_jump(rule: str, loops: list[list[tuple[float, f
         ([SQUARE], ("to-arc", 3), ("to-line", 3)),
     ],
 )
-def test_inverse(
-    loops: list[list[tuple[float, float, float | None]]], there: tuple[str, int], back: tuple[str, int]
-) -> None:
+def test_inverse(loops: Loops, there: tuple[str, int], back: tuple[str, int]) -> None:
     before = program(*loops)
     middle = GRAMMAR.apply(before, [at(before, *there)]).program
     after = GRAMMAR.apply(middle, [at(middle, *back)]).program
@@ -160,7 +160,7 @@ def test_pinch_takes_out_a_slit(deep: float) -> None:
         ("split", [SQUARE], ArcLine(CANVAS.pixel, rules=frozenset({"to-arc"}))),
     ],
 )
-def test_guard_refuses(rule: str, loops: list[list[tuple[float, float, float | None]]], grammar: ArcLine) -> None:
+def test_guard_refuses(rule: str, loops: Loops, grammar: ArcLine) -> None:
     assert offered(program(*loops), rule, grammar) == []
 
 
