@@ -154,7 +154,8 @@ class ArcLine:
             used = rewrite(rule, site, data, x, y, b, arc, nxt, prv, used)
             if item.fit is not None:
                 x[vertices[:free]], y[vertices[:free]] = item.fit[0 : 2 * free : 2], item.fit[1 : 2 * free : 2]
-                bent = [e for e in edges[:own] if arc[e]]
+                beside = [e for v in vertices[:free] for e in (v, prv[v])]
+                bent = [e for e in dict.fromkeys([*edges[:own].tolist(), *beside]) if arc[e]]
                 b[bent] = item.fit[2 * free : 2 * free + len(bent)]
             fresh_b += [int(e) for e in edges[:own]]
         keep = nxt[:used] != np.arange(used)
