@@ -12,7 +12,7 @@ import math
 import numba as nb
 import numpy as np
 
-from d4cad.grammars.arc_line.crossings import SNAP, root_of
+from d4cad.grammars.arc_line.crossings import FLATTEST, SNAP, root_of
 from d4cad.grammars.arc_line.curves import apex, arc_length, sub_bulge, winding
 from d4cad.raster.scan import BULGE, CX, LENGTH, SX, X0, Y0
 
@@ -45,7 +45,7 @@ def place_on(table, e, at):
     """
     b, length = table[e, BULGE], table[e, LENGTH]
     heading = math.atan2(table[e, SX], table[e, CX])
-    if b == 0.0:
+    if abs(b) <= FLATTEST:
         return table[e, X0] + at * length * table[e, CX], table[e, Y0] + at * length * table[e, SX], heading
     half = 2.0 * math.atan(b)
     reach = length * math.sin(at * half) / math.sin(half)

@@ -14,6 +14,9 @@ TOUCH = 1e-6
 SNAP = 1e-4
 """Crossings and vertices this near (px) to each other are one node; so near to a shared vertex edges do not cross."""
 
+FLATTEST = 1e-9
+"""Arcs of a lesser bulge are as good as lines, and quotients of their angles would be rounding."""
+
 
 @nb.njit(cache=True)
 def boxes(owner, ends, pieces, n):
@@ -33,19 +36,22 @@ def boxes(owner, ends, pieces, n):
 def share(table, e, px, py):
     """How far along the edge a point of it lies, as a share of its length (of its sweep): 0 at the start, 1 at the end.
 
-    On an arc by the inscribed angle: seen from an end, the chord and the point enclose half the sweep between the point
-    and the other end. Asked of the farther end, because the direction to a point nearby is mostly rounding.
+    By what is well-conditioned: the distance from the nearer end, which is L sin(share h) / sin(h) for half the sweep
+    h, and on arcs over half a turn the angle under which the other end sees that distance, share h.
     """
     dx, dy = px - table[e, X0], py - table[e, Y0]
     u = dx * table[e, CX] + dy * table[e, SX]
     v = dx * table[e, SX] - dy * table[e, CX]
     b, length = table[e, BULGE], table[e, LENGTH]
-    if b == 0.0:
-        return u / length
     half = 2.0 * math.atan(b)
-    if u + u > length:
-        return 1.0 - math.atan2(v, u) / half
-    return math.atan2(v, length - u) / half
+    late = u + u > length
+    if abs(b) > 1.0:
+        part = math.atan2(v, u if late else length - u) / half
+    else:
+        part = math.hypot(length - u if late else u, v) / length
+        if abs(b) > FLATTEST:
+            part = math.asin(part * math.sin(half)) / half
+    return 1.0 - part if late else part
 
 
 @nb.njit(cache=True)
@@ -188,8 +194,10 @@ def meetings(table, x, y, nxt, box):
             v, e = (i, j) if side == 0 else (j, i)
             if v == nxt[e] or gap(table, e, x[v], y[v]) > TOUCH:
                 continue
-            if e == nxt[v] or v == nxt[nxt[e]]:
-                met[e if e == nxt[v] else nxt[e]] = True  # the tip of a spike
+            if e == nxt[v]:
+                met[e] = True  # the tip of a spike
+            if v == nxt[nxt[e]]:
+                met[nxt[e]] = True
             end = _end_at(x, y, nxt, e, x[v], y[v])
             if end >= 0:
                 _unite(parent, met, v, end)
