@@ -154,7 +154,8 @@ class ArcLine:
             used = rewrite(rule, site, data, x, y, b, arc, nxt, prv, used)
             if item.fit is not None:
                 x[vertices[:free]], y[vertices[:free]] = item.fit[0 : 2 * free : 2], item.fit[1 : 2 * free : 2]
-                beside = [e for v in vertices[:free] for e in (v, prv[v])]
+                # The edges beside it were tuned as they stood: in a set, another rewrite may have changed their kind.
+                beside = [e for v in vertices[:free] for e in (v, prv[v])] if len(rewrites) == 1 else []
                 bent = [e for e in dict.fromkeys([*edges[:own].tolist(), *beside]) if arc[e]]
                 b[bent] = item.fit[2 * free : 2 * free + len(bent)]
             fresh_b += [int(e) for e in edges[:own]]
