@@ -121,18 +121,19 @@ class Fit:
         scale: float | None = None,
         dpi: float | None = None,
         origin: str | None = None,
+        options: exporters.Options | None = None,
     ) -> None:
-        """Write what the extension says: .json the program file, .step .stp .brep .stl a solid of ``thickness`` mm,
-        .svg a drawing of the outline, .png a preview.
+        """Write what the extension says: .json the program file, .step .stp .brep .stl .3mf .glb a solid of
+        ``thickness`` mm, .dxf .svg a drawing of the outline, .png a preview.
 
-        Size and origin as for :meth:`sketch`. Raises InputError for a bad number, ExportError if the file cannot be
-        written; nothing is left behind then.
+        Size and origin as for :meth:`sketch`. options: name, color, kerf and more, as far as the format takes them.
+        Raises InputError for a bad value, ExportError if the file cannot be written; nothing is left behind then.
         """
-        self.write(Path(path), self.placement(width, scale, dpi, origin, thickness))
+        self.write(Path(path), self.placement(width, scale, dpi, origin, thickness), options)
 
-    def write(self, path: Path, placement: Placement) -> None:
+    def write(self, path: Path, placement: Placement, options: exporters.Options | None = None) -> None:
         """As :meth:`save`, with the placement given as one value."""
-        check_output(path, has_picture=self.target is not None)
+        check_output(path, has_picture=self.target is not None, options=options)
         suffix = path.suffix.lower()
         if suffix == ".png":
             self.write_preview(path)
@@ -141,7 +142,8 @@ class Fit:
         if suffix == ".json":
             io.write(path, self.document(sketch, placement))
         else:
-            exporters.write(sketch, path, thickness=placement.thickness or DEFAULT_THICKNESS)
+            thickness = placement.thickness or DEFAULT_THICKNESS
+            exporters.write(sketch, path, thickness=thickness, **({} if options is None else options.given))
 
     def write_preview(self, path: str | PathLike[str]) -> None:
         """Write target, outline with vertices, and error as .png or .svg. Raises ExportError."""

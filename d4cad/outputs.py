@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from d4cad import exporters
-from d4cad.errors import ExportError
+from d4cad.errors import ExportError, InputError
 from d4cad.files import check_writable
 from d4cad.placement import DEFAULT_THICKNESS
 
@@ -13,20 +13,23 @@ EXTENSIONS = (".json", ".png", *exporters.EXTENSIONS)
 SOLIDS = tuple(extension for extension, writer in exporters.WRITERS.items() if writer.solid)
 
 
-def check_output(path: Path, *, has_picture: bool) -> None:
+def check_output(path: Path, *, has_picture: bool, options: exporters.Options | None = None) -> None:
     """Raises ExportError, one sentence, if a fit clearly cannot be saved at ``path``; leaves nothing behind.
 
-    has_picture: whether there is a target, without which there is no preview.
+    has_picture: whether there is a target, without which there is no preview. options: InputError if ``path`` is of a
+    kind that cannot heed them.
     """
     suffix = path.suffix.lower()
     if suffix not in EXTENSIONS:
         raise ExportError(f"cannot write {path}: known extensions are {' '.join(EXTENSIONS)}, got {suffix or 'none'}")
     if suffix == ".png" and not has_picture:
         raise ExportError(f"cannot write {path}: a preview needs the picture, and a program file has none")
-    if suffix in (".json", ".png"):
-        check_writable(path)
-    else:
-        exporters.check(path, thickness=DEFAULT_THICKNESS)
+    if suffix not in (".json", ".png"):
+        exporters.check(path, thickness=DEFAULT_THICKNESS, options=options)
+        return
+    if options is not None and options.given:
+        raise InputError(f"cannot write {path}: a {suffix} file takes no {' or '.join(options.given)}")
+    check_writable(path)
 
 
 def is_solid(path: Path) -> bool:

@@ -63,7 +63,7 @@ def require_thickness(thickness: float | None) -> float:
 
 def _require_size(name: str, size: float) -> None:
     if not SMALLEST <= size <= LARGEST:
-        raise InputError(f"the {name} of a solid must be from {SMALLEST:g} to {LARGEST:g} mm, got {size:g} mm")
+        raise InputError(f"the {name} of a part must be from {SMALLEST:g} to {LARGEST:g} mm, got {size:g} mm")
 
 
 def require_mm(sketch: Sketch) -> None:

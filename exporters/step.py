@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from d4cad.errors import ExportError
+from d4cad.exporters.color import Rgb, rgb
 from d4cad.exporters.occ import compound, kernel_errors, solids
 from d4cad.files import replacing
 from d4cad.sketch import Sketch
@@ -20,18 +21,34 @@ TIMESTAMP = "2000-01-01T00:00:00"
 SCHEMAS = {"AP214": "AP214IS", "AP242": "AP242DIS"}
 
 
+def require_schema(schema: str) -> str:
+    """The schema. Raises ExportError unless it is one of SCHEMAS."""
+    if schema not in SCHEMAS:
+        raise ExportError(f"unknown STEP schema {schema!r}: known are {', '.join(SCHEMAS)}")
+    return schema
+
+
 def write_step(
-    sketch: Sketch, path: str | Path, *, thickness: float, name: str = "part", schema: str = "AP214"
+    sketch: Sketch,
+    path: str | Path,
+    *,
+    thickness: float,
+    name: str = "part",
+    schema: str = "AP214",
+    color: str | None = None,
 ) -> None:
     """Writes the sketch (mm), extruded from z = 0 to ``thickness`` mm, as a STEP file whose bytes are reproducible.
 
-    ``name``: the product's. ``schema``: AP214, or AP242. Raises InputError for a bad thickness or unit, ExportError
-    if the kernel is missing or fails, or the file cannot be written.
+    ``name``: the product's. ``schema``: AP214, or AP242. ``color``: of every solid, #rrggbb or a CSS name. Raises
+    InputError for a bad thickness, unit or colour, ExportError if the kernel is missing or fails, or the file cannot
+    be written.
     """
-    if schema not in SCHEMAS:
-        raise ExportError(f"unknown STEP schema {schema!r}: known are {', '.join(SCHEMAS)}")
+    require_schema(schema)
+    shade = None if color is None else rgb(color)
     shape = compound(solids(sketch, thickness))
     text = _settled(_text(shape, schema), name)
+    if shade is not None:
+        text = _colored(text, shade)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="ascii")
 
@@ -95,6 +112,34 @@ def _settled(text: str, name: str) -> str:
     text = re.sub(r"(FILE_NAME\s*\(\s*)'(?:[^']|'')*'", lambda m: f"{m[1]}'{encoded(name)}'", text, count=1)
     counter = r"(PRODUCT\s*\(\s*)'(?:[^']|'')*'\s*,\s*'(?:[^']|'')*'"
     return re.sub(counter, lambda m: f"{m[1]}'{encoded(name)}','{encoded(name)}'", text)
+
+
+def _colored(text: str, color: Rgb) -> str:
+    """The file with a surface colour for every solid.
+
+    The entities are those of the CAx-IF recommended practices "Model styling and organization"
+    (https://www.mbx-if.org/documents/rec_prac_styling_org_v16.pdf), in sRGB as OpenCASCADE reads and writes them.
+    They are added here because the kernel's own writer of coloured documents brings its own idea of products.
+    """
+    bodies = re.findall(r"^#(\d+)\s*=\s*MANIFOLD_SOLID_BREP\b", text, re.MULTILINE)
+    (context,) = re.findall(r"^#(\d+)\s*=\s*\(\s*GEOMETRIC_REPRESENTATION_CONTEXT\b", text, re.MULTILINE)
+    n = max(int(number) for number in re.findall(r"^#(\d+)\s*=", text, re.MULTILINE))
+    red, green, blue = (_shortest(value / 255) for value in color)
+    styles = [
+        f"COLOUR_RGB('',{red},{green},{blue})",
+        f"FILL_AREA_STYLE_COLOUR('',#{n + 1})",
+        f"FILL_AREA_STYLE('',(#{n + 2}))",
+        f"SURFACE_STYLE_FILL_AREA(#{n + 3})",
+        f"SURFACE_SIDE_STYLE('',(#{n + 4}))",
+        f"SURFACE_STYLE_USAGE(.BOTH.,#{n + 5})",
+        f"PRESENTATION_STYLE_ASSIGNMENT((#{n + 6}))",
+        *(f"STYLED_ITEM('color',(#{n + 7}),#{body})" for body in bodies),
+    ]
+    items = ",".join(f"#{n + k}" for k in range(8, len(styles) + 1))
+    styles.append(f"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',({items}),#{context})")
+    lines = "".join(f"#{n + k} = {style};\n" for k, style in enumerate(styles, 1))
+    head, end, tail = text.rpartition("ENDSEC;")
+    return head + lines + end + tail
 
 
 def _shortest(value: float) -> str:

@@ -19,7 +19,8 @@ from PIL import Image
 from d4cad import exporters
 from d4cad.canvas import Canvas
 from d4cad.errors import ExportError, InputError
-from d4cad.exporters import occ, stl
+from d4cad.exporters import occ
+from d4cad.exporters.mesh import mesh
 from d4cad.exporters.preview import write_preview
 from d4cad.exporters.step import encoded, write_step
 from d4cad.exporters.svg import svg
@@ -203,7 +204,7 @@ def test_stl_is_watertight_and_within_its_tolerance(name: str, tolerance: float,
 
 
 def test_mesh_vertices_lie_on_the_exact_walls() -> None:
-    vertices, triangles = stl.mesh(quarters(), 3, 0.05)
+    vertices, triangles = mesh(quarters(), 3, 0.05)
     radii = np.hypot(vertices[:, 0], vertices[:, 1])
     assert np.all(np.minimum(np.abs(radii - 5), np.abs(radii - 2)) < 1e-6)
     assert triangles.max() == len(vertices) - 1

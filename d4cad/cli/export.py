@@ -7,7 +7,22 @@ from typing import Annotated
 
 import typer
 
-from d4cad.cli.options import Dpi, Json, Origin, Output, Quiet, Scale, Thickness, Width
+from d4cad.cli.options import (
+    Color,
+    Dpi,
+    Json,
+    Kerf,
+    Name,
+    Origin,
+    Output,
+    Quiet,
+    Scale,
+    Schema,
+    Style,
+    Thickness,
+    Tolerance,
+    Width,
+)
 from d4cad.cli.running import check_outputs, report, reported, write
 from d4cad.errors import D4cadError
 
@@ -22,21 +37,34 @@ def export(
     dpi: Dpi = None,
     thickness: Thickness = None,
     origin: Origin = None,
+    name: Name = None,
+    color: Color = None,
+    schema: Schema = None,
+    tolerance: Tolerance = None,
+    kerf: Kerf = None,
+    style: Style = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Write CAD files from a program file. Size, origin and thickness are the file's unless given."""
+    """Write CAD files from a program file. Size, origin and thickness are the file's unless given.
+
+    Each of name, color, schema, tolerance, kerf and style goes to the outputs whose format can hold it.
+    """
     with reported():
+        from d4cad.exporters import Options
+        from d4cad.exporters.kerf import losses
         from d4cad.placement import Placement
 
         Placement(width, scale, dpi, "corner" if origin is None else origin, thickness)
         outputs = output or []
         if not outputs:
             raise D4cadError("there is nothing to write: name a file with -o")
-        check_outputs(outputs, None, None)
+        options = Options(name, schema, color, tolerance, kerf, style)
+        check_outputs(outputs, None, None, options)
         from d4cad.fit import load_program
 
         found = load_program(program)
         placement = found.placement(width, scale, dpi, origin, thickness)
-        write(found, placement, outputs, None)
-        report(found, placement, outputs, None, quiet=quiet, as_json=as_json)
+        notes = () if kerf is None else losses(placement.place(found.outline, found.canvas), kerf)
+        write(found, placement, outputs, None, options)
+        report(found, placement, outputs, None, quiet=quiet, as_json=as_json, notes=notes)

@@ -13,7 +13,7 @@ Output = Annotated[
         "--output",
         "-o",
         metavar="FILE",
-        help="File to write: .step .stp .stl .brep .svg .json .png; repeatable.",
+        help="File to write: .step .stp .brep .stl .3mf .glb .dxf .svg .json .png; repeatable.",
         show_default=False,
     ),
 ]
@@ -26,6 +26,24 @@ Dpi = Annotated[
 Thickness = Annotated[float | None, typer.Option(metavar="MM", help="Thickness of solids in mm.", show_default="3")]
 Origin = Annotated[
     str | None, typer.Option(metavar="WHERE", help="corner or center of the part at (0, 0).", show_default="corner")
+]
+Name = Annotated[
+    str | None, typer.Option(metavar="NAME", help="Name of the part in the file.", show_default="the file's name")
+]
+Color = Annotated[
+    str | None, typer.Option(metavar="COLOR", help="#rrggbb or a CSS name; .step .3mf .glb .svg.", show_default=False)
+]
+Schema = Annotated[str | None, typer.Option(metavar="NAME", help="STEP schema, AP214 or AP242.", show_default="AP214")]
+Tolerance = Annotated[
+    float | None,
+    typer.Option(metavar="MM", help="Facets from the exact arcs, in mm; .stl .3mf .glb.", show_default="0.01"),
+]
+Kerf = Annotated[
+    float | None,
+    typer.Option(metavar="MM", help="Width in mm that the cutter takes away; .dxf .svg.", show_default=False),
+]
+Style = Annotated[
+    str | None, typer.Option(metavar="NAME", help="fill, or cut for hairlines; .svg.", show_default="fill")
 ]
 Grammar = Annotated[str, typer.Option(metavar="NAME", help="Language of shapes: arc-line.")]
 Method = Annotated[str, typer.Option(metavar="NAME", help="fast, or paper for the published settings.")]

@@ -13,6 +13,7 @@ import typer
 from d4cad.errors import D4cadError
 
 if TYPE_CHECKING:
+    from d4cad.exporters import Options
     from d4cad.fit import Fit
     from d4cad.placement import Placement
 
@@ -43,14 +44,24 @@ def _sentence(error: D4cadError | OSError) -> str:
     return " ".join(str(error).split())
 
 
-def check_outputs(outputs: list[Path], preview: Path | None, image: Path | None) -> None:
-    """Refuses, before anything is computed, outputs that could not be written or that would take each other's place."""
+def check_outputs(
+    outputs: list[Path], preview: Path | None, image: Path | None, options: Options | None = None
+) -> None:
+    """Refuses, before anything is computed, outputs that could not be written or that would take each other's place.
+
+    Each option must be of use to one of the outputs.
+    """
+    from d4cad.exporters import Options, heeded, takers
     from d4cad.exporters.preview import require_format
     from d4cad.files import check_writable
     from d4cad.outputs import check_output
 
+    options = options or Options()
     for path in outputs:
-        check_output(path, has_picture=image is not None)
+        check_output(path, has_picture=image is not None, options=heeded(path, options))
+    for name in options.given:
+        if not any(name in heeded(path, options).given for path in outputs):
+            raise D4cadError(f"no output takes a {name}, only {takers(name)} files do")
     if preview is not None:
         require_format(preview)
         check_writable(preview)
@@ -61,23 +72,36 @@ def check_outputs(outputs: list[Path], preview: Path | None, image: Path | None)
         taken[path.resolve()] = "named for two outputs"
 
 
-def write(fit: Fit, placement: Placement, outputs: list[Path], preview: Path | None) -> None:
+def write(
+    fit: Fit, placement: Placement, outputs: list[Path], preview: Path | None, options: Options | None = None
+) -> None:
+    """Writes every output, each with those of the options that it takes."""
+    from d4cad.exporters import heeded
+
     for path in outputs:
-        fit.write(path, placement)
+        fit.write(path, placement, None if options is None else heeded(path, options))
     if preview is not None:
         fit.write_preview(preview)
 
 
 def report(
-    fit: Fit, placement: Placement, outputs: list[Path], preview: Path | None, *, quiet: bool, as_json: bool
+    fit: Fit,
+    placement: Placement,
+    outputs: list[Path],
+    preview: Path | None,
+    *,
+    quiet: bool,
+    as_json: bool,
+    notes: tuple[str, ...] = (),
 ) -> None:
-    """The summary, as text or as one JSON object."""
+    """The summary, as text or as one JSON object; ``notes``: sentences for it beside the fit's own."""
     from d4cad.summary import summary, text
 
     if quiet and not as_json:
         return
     files = [*outputs, *([] if preview is None else [preview])]
     facts = summary(fit, placement, files)
+    facts["notes"] += notes
     typer.echo(json.dumps(facts, allow_nan=False) if as_json else text(facts))
 
 
