@@ -20,16 +20,17 @@ MILLIMETRES = 4
 """$INSUNITS."""
 
 OUTER, INNER = "OUTER", "INNER"
-COLORS = {INNER: 1, OUTER: 5}
-"""Layers, in the order of cutting: what falls out of a part is cut before the part. AutoCAD colours: red, blue."""
+COLORS = {INNER: 1, OUTER: 7}
+"""Layers and their AutoCAD colours: red, and black or white."""
 
 
 def write_dxf(sketch: Sketch, path: str | Path, *, kerf: float | None = None) -> None:
     """Writes the sketch (mm) as a DXF drawing in mm whose bytes are reproducible.
 
     Each loop is one closed LWPOLYLINE with bulges, or a CIRCLE, on the layer OUTER or INNER; a part's holes come before
-    its outline. ``kerf``: mm that the cutter takes away, see :func:`d4cad.exporters.kerf.compensated`. Raises
-    InputError for a bad kerf, unit or size, ExportError if the file cannot be written.
+    its outline, as they are to be cut. ``kerf``: mm that the cutter takes away, see
+    :func:`d4cad.exporters.kerf.compensated`. Raises InputError for a bad kerf, unit or size, ExportError if the file
+    cannot be written.
     """
     require_mm(sketch)
     text = dxf(compensated(sketch, kerf))
