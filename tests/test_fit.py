@@ -22,6 +22,7 @@ from d4cad.canvas import Canvas
 from d4cad.descent import Record, Stop
 from d4cad.errors import ExportError, InputError
 from d4cad.fit import Fit, decibels, fit_coverage, fit_image, load_program
+from d4cad.outputs import EXTENSIONS
 from d4cad.placement import Placement
 
 SIDE = 96
@@ -215,9 +216,9 @@ def test_a_program_that_is_none_is_refused(tmp_path: Path, changes: dict[str, An
         load_program(path)
 
 
-@pytest.mark.parametrize("name", ["part.step", "part.stl", "part.brep", "part.svg", "part.json", "part.png"])
+@pytest.mark.parametrize("name", [f"part{extension}" for extension in EXTENSIONS])
 def test_save_by_extension(tmp_path: Path, name: str) -> None:
-    if name.endswith(("step", "brep")):
+    if name.endswith(("step", "stp", "brep")):
         pytest.importorskip("OCP")
     fitted().save(tmp_path / name, width=60, thickness=5)
     assert [path.name for path in tmp_path.iterdir()] == [name]
