@@ -121,18 +121,20 @@ class Fit:
         scale: float | None = None,
         dpi: float | None = None,
         origin: str | None = None,
+        dialect: str = "build123d",
     ) -> None:
         """Write what the extension says: .json the program file, .step .stp .brep .stl a solid of ``thickness`` mm,
-        .svg a drawing of the outline, .png a preview.
+        .py (``dialect``: build123d, build123d-algebra or cadquery) .scad its source code, .svg a drawing of the
+        outline, .png a preview.
 
         Size and origin as for :meth:`sketch`. Raises InputError for a bad number, ExportError if the file cannot be
         written; nothing is left behind then.
         """
-        self.write(Path(path), self.placement(width, scale, dpi, origin, thickness))
+        self.write(Path(path), self.placement(width, scale, dpi, origin, thickness), dialect)
 
-    def write(self, path: Path, placement: Placement) -> None:
-        """As :meth:`save`, with the placement given as one value."""
-        check_output(path, has_picture=self.target is not None)
+    def write(self, path: Path, placement: Placement, dialect: str = "build123d") -> None:
+        """As :meth:`save`, with the placement given as one value. dialect: of a .py file."""
+        check_output(path, has_picture=self.target is not None, dialect=dialect)
         suffix = path.suffix.lower()
         if suffix == ".png":
             self.write_preview(path)
@@ -141,7 +143,8 @@ class Fit:
         if suffix == ".json":
             io.write(path, self.document(sketch, placement))
         else:
-            exporters.write(sketch, path, thickness=placement.thickness or DEFAULT_THICKNESS)
+            thickness, origin = placement.thickness or DEFAULT_THICKNESS, str(self.settings.get("picture", ""))
+            exporters.write(sketch, path, thickness=thickness, dialect=dialect, origin=origin)
 
     def write_preview(self, path: str | PathLike[str]) -> None:
         """Write target, outline with vertices, and error as .png or .svg. Raises ExportError."""

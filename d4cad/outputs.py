@@ -13,10 +13,10 @@ EXTENSIONS = (".json", ".png", *exporters.EXTENSIONS)
 SOLIDS = tuple(extension for extension, writer in exporters.WRITERS.items() if writer.solid)
 
 
-def check_output(path: Path, *, has_picture: bool) -> None:
+def check_output(path: Path, *, has_picture: bool, dialect: str = "build123d") -> None:
     """Raises ExportError, one sentence, if a fit clearly cannot be saved at ``path``; leaves nothing behind.
 
-    has_picture: whether there is a target, without which there is no preview.
+    has_picture: whether there is a target, without which there is no preview. dialect: of source code in Python.
     """
     suffix = path.suffix.lower()
     if suffix not in EXTENSIONS:
@@ -26,7 +26,7 @@ def check_output(path: Path, *, has_picture: bool) -> None:
     if suffix in (".json", ".png"):
         check_writable(path)
     else:
-        exporters.check(path, thickness=DEFAULT_THICKNESS)
+        exporters.check(path, thickness=DEFAULT_THICKNESS, dialect=dialect)
 
 
 def is_solid(path: Path) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from d4cad.errors import ExportError
+from d4cad.exporters import source
 from d4cad.exporters.brep import write_brep
 from d4cad.exporters.occ import require_kernel, require_thickness
 from d4cad.exporters.step import write_step
@@ -20,11 +21,16 @@ __all__ = ["CHORD_TOLERANCE", "EXTENSIONS", "check", "write"]
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What the writers may need. ``thickness``, ``tolerance``: mm. ``name``: the product's."""
+    """What the writers may need. ``thickness``, ``tolerance``: mm. ``name``: the product's. ``dialect``: of source code.
+
+    ``origin``: what the part was made from, for people.
+    """
 
     thickness: float
     name: str
     tolerance: float
+    dialect: str = source.DEFAULT
+    origin: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +58,25 @@ def _svg(sketch: Sketch, path: Path, _: Options) -> None:
     write_svg(sketch, path)
 
 
+def _python(sketch: Sketch, path: Path, options: Options) -> None:
+    source.require_python(options.dialect)
+    origin = options.origin or options.name
+    source.write_source(sketch, path, dialect=options.dialect, thickness=options.thickness, name=origin)
+
+
+def _openscad(sketch: Sketch, path: Path, options: Options) -> None:
+    origin, tolerance = options.origin or options.name, options.tolerance
+    source.write_source(sketch, path, dialect="openscad", thickness=options.thickness, name=origin, tolerance=tolerance)
+
+
 WRITERS = {
     ".step": Writer(_step, kernel=True),
     ".stp": Writer(_step, kernel=True),
     ".brep": Writer(_brep, kernel=True),
     ".stl": Writer(_stl),
     ".svg": Writer(_svg, solid=False),
+    ".py": Writer(_python),
+    ".scad": Writer(_openscad),
 }
 
 EXTENSIONS = tuple(WRITERS)
@@ -71,20 +90,23 @@ def write(
     thickness: float | None = None,
     name: str | None = None,
     tolerance: float = CHORD_TOLERANCE,
+    dialect: str = source.DEFAULT,
+    origin: str = "",
 ) -> None:
     """Writes a sketch (mm) to ``path`` as its extension says; the file appears whole or not at all.
 
     ``thickness``: mm, for solids. ``name``: of the STEP product, the file's stem by default. ``tolerance``: mm,
-    of the facets of a mesh. Raises ExportError for an unknown extension, a missing or failing CAD kernel and an
-    unwritable file, InputError for a bad thickness, tolerance or unit.
+    of the facets of a mesh. ``dialect``: of a .py file. ``origin``: what source code says that it was made from, the
+    name by default. Raises ExportError for an unknown extension, a missing or failing CAD kernel and an
+    unwritable file, InputError for a bad thickness, tolerance, dialect or unit.
     """
     path = Path(path)
     writer = _writer(path)
     height = require_thickness(thickness) if writer.solid else 0.0
-    writer.write(sketch, path, Options(height, path.stem if name is None else name, tolerance))
+    writer.write(sketch, path, Options(height, path.stem if name is None else name, tolerance, dialect, origin))
 
 
-def check(path: str | Path, *, thickness: float | None = None) -> None:
+def check(path: str | Path, *, thickness: float | None = None, dialect: str = source.DEFAULT) -> None:
     """Raises at once what :func:`write` would raise for these after a long fit; writes nothing."""
     path = Path(path)
     writer = _writer(path)
@@ -92,6 +114,8 @@ def check(path: str | Path, *, thickness: float | None = None) -> None:
         require_thickness(thickness)
     if writer.kernel:
         require_kernel()
+    if writer.write is _python:
+        source.require_python(dialect)
     check_writable(path)
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from d4cad.cli.options import Dpi, Json, Origin, Output, Quiet, Scale, Thickness, Width
+from d4cad.cli.options import Dialect, Dpi, Json, Origin, Output, Quiet, Scale, Thickness, Width
 from d4cad.cli.running import check_outputs, report, reported, write
 from d4cad.errors import D4cadError
 
@@ -22,6 +22,7 @@ def export(
     dpi: Dpi = None,
     thickness: Thickness = None,
     origin: Origin = None,
+    dialect: Dialect = "build123d",
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -33,10 +34,10 @@ def export(
         outputs = output or []
         if not outputs:
             raise D4cadError("there is nothing to write: name a file with -o")
-        check_outputs(outputs, None, None)
+        check_outputs(outputs, None, None, dialect)
         from d4cad.fit import load_program
 
         found = load_program(program)
         placement = found.placement(width, scale, dpi, origin, thickness)
-        write(found, placement, outputs, None)
+        write(found, placement, outputs, None, dialect)
         report(found, placement, outputs, None, quiet=quiet, as_json=as_json)

@@ -13,7 +13,7 @@ Output = Annotated[
         "--output",
         "-o",
         metavar="FILE",
-        help="File to write: .step .stp .stl .brep .svg .json .png; repeatable.",
+        help="File to write: .step .stp .stl .brep .py .scad .svg .json .png; repeatable.",
         show_default=False,
     ),
 ]
@@ -26,6 +26,9 @@ Dpi = Annotated[
 Thickness = Annotated[float | None, typer.Option(metavar="MM", help="Thickness of solids in mm.", show_default="3")]
 Origin = Annotated[
     str | None, typer.Option(metavar="WHERE", help="corner or center of the part at (0, 0).", show_default="corner")
+]
+Dialect = Annotated[
+    str, typer.Option(metavar="NAME", help="Language of .py files: build123d, build123d-algebra or cadquery.")
 ]
 Grammar = Annotated[str, typer.Option(metavar="NAME", help="Language of shapes: arc-line.")]
 Method = Annotated[str, typer.Option(metavar="NAME", help="fast, or paper for the published settings.")]

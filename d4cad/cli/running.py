@@ -43,14 +43,14 @@ def _sentence(error: D4cadError | OSError) -> str:
     return " ".join(str(error).split())
 
 
-def check_outputs(outputs: list[Path], preview: Path | None, image: Path | None) -> None:
+def check_outputs(outputs: list[Path], preview: Path | None, image: Path | None, dialect: str = "build123d") -> None:
     """Refuses, before anything is computed, outputs that could not be written or that would take each other's place."""
     from d4cad.exporters.preview import require_format
     from d4cad.files import check_writable
     from d4cad.outputs import check_output
 
     for path in outputs:
-        check_output(path, has_picture=image is not None)
+        check_output(path, has_picture=image is not None, dialect=dialect)
     if preview is not None:
         require_format(preview)
         check_writable(preview)
@@ -61,9 +61,11 @@ def check_outputs(outputs: list[Path], preview: Path | None, image: Path | None)
         taken[path.resolve()] = "named for two outputs"
 
 
-def write(fit: Fit, placement: Placement, outputs: list[Path], preview: Path | None) -> None:
+def write(
+    fit: Fit, placement: Placement, outputs: list[Path], preview: Path | None, dialect: str = "build123d"
+) -> None:
     for path in outputs:
-        fit.write(path, placement)
+        fit.write(path, placement, dialect)
     if preview is not None:
         fit.write_preview(preview)
 
