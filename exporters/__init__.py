@@ -21,9 +21,9 @@ __all__ = ["CHORD_TOLERANCE", "EXTENSIONS", "check", "write"]
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What the writers may need. ``thickness``, ``tolerance``: mm. ``name``: the product's. ``dialect``: of source code.
+    """What the writers may need. ``thickness``, ``tolerance``: mm. ``name``: the product's.
 
-    ``origin``: what the part was made from, for people.
+    ``dialect``: of source code in Python. ``origin``: what the part was made from, for people.
     """
 
     thickness: float
@@ -59,7 +59,7 @@ def _svg(sketch: Sketch, path: Path, _: Options) -> None:
 
 
 def _python(sketch: Sketch, path: Path, options: Options) -> None:
-    source.require_python(options.dialect)
+    source.require_dialect(options.dialect, python=True)
     origin = options.origin or options.name
     source.write_source(sketch, path, dialect=options.dialect, thickness=options.thickness, name=origin)
 
@@ -114,8 +114,7 @@ def check(path: str | Path, *, thickness: float | None = None, dialect: str = so
         require_thickness(thickness)
     if writer.kernel:
         require_kernel()
-    if writer.write is _python:
-        source.require_python(dialect)
+    source.require_dialect(dialect, python=writer.write is _python)
     check_writable(path)
 
 

@@ -13,7 +13,7 @@ from d4cad.exporters.stl import CHORD_TOLERANCE
 from d4cad.files import replacing
 from d4cad.sketch import Sketch
 
-__all__ = ["DEFAULT", "DIALECTS", "PYTHON", "require_python", "source", "write_source"]
+__all__ = ["DEFAULT", "DIALECTS", "PYTHON", "require_dialect", "source", "write_source"]
 
 Python = Callable[[Plan, str], str]
 
@@ -48,8 +48,7 @@ def source(
     Raises InputError for an unknown dialect, a bad thickness or tolerance, and a sketch that is empty or not in mm,
     GeometryError for a bad scale.
     """
-    if dialect not in DIALECTS:
-        raise InputError(f"unknown dialect {dialect!r}: known are {', '.join(DIALECTS)}")
+    require_dialect(dialect)
     if not (isfinite(tolerance) and tolerance > 0):
         raise InputError(f"the chord tolerance must be positive and finite, got {tolerance:g} mm")
     made = plan(sketch, thickness, scale)
@@ -72,7 +71,9 @@ def write_source(
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def require_python(dialect: str) -> None:
-    """Raises InputError unless a .py file can be in this dialect."""
-    if dialect not in PYTHON:
-        raise InputError(f"unknown dialect {dialect!r}: known are {', '.join(PYTHON)}")
+def require_dialect(dialect: str, *, python: bool = False) -> None:
+    """Raises InputError unless there is such a dialect, and one for a .py file if ``python``."""
+    if dialect not in DIALECTS:
+        raise InputError(f"unknown dialect {dialect!r}: known are {', '.join(DIALECTS)}")
+    if python and dialect not in PYTHON:
+        raise InputError(f"a .py file cannot be in the dialect {dialect}, only in {', '.join(PYTHON)}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from d4cad.exporters.source.layout import (
+    COLUMNS,
     INDENT,
     Group,
     array,
