@@ -40,15 +40,16 @@ def array(items: Sequence[Node]) -> Group:
 
 
 def laid(node: Node, indent: int = 0, before: str = "", after: str = "") -> list[str]:
-    """Lines of ``before node after``: on one, or the items on one of their own, or one line for each item."""
+    """Lines of ``before node after``: on one; else a call's arguments on one of their own; else one for each item."""
     pad = INDENT * indent
     flat = f"{pad}{before}{node}{after}"
     if isinstance(node, str) or len(flat) <= COLUMNS or not node.items:
         return [flat]
     inner = f"{pad}{INDENT}{', '.join(map(str, node.items))}"
-    if len(inner) <= COLUMNS:
+    is_call = node.tail == ")"
+    if is_call and len(inner) <= COLUMNS:
         body = [inner]
-    elif len(node.items) == 1:
+    elif is_call and len(node.items) == 1:
         body = laid(node.items[0], indent + 1)
     else:
         body = [line for item in node.items for line in laid(item, indent + 1, after=",")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import floor, log10
 
 from d4cad.features import Circle, Feature, Rectangle, RegularPolygon, RoundedRectangle, Slot
 from d4cad.loop import Point
@@ -76,9 +77,14 @@ def described(found: Feature) -> str:
 
 def at(point: Point) -> str:
     """ "at (3, 4)"."""
-    return f"at ({short(point[0])}, {short(point[1])})"
+    return f"at ({short(point[0], 4)}, {short(point[1], 4)})"
 
 
-def short(value: float) -> str:
-    """Six significant digits, and nothing below 1e-9."""
-    return f"{round(value, 9) + 0.0:.6g}"
+def short(value: float, digits: int = 5) -> str:
+    """A length for people: so many significant digits, and nothing below 1e-9 mm.
+
+    >>> short(77.855249), short(123456.7), short(-2e-16)
+    ('77.855', '123457', '0')
+    """
+    size = abs(value)
+    return number(value, max(0, digits - 1 - floor(log10(size)))) if size > 1e-9 else "0"
