@@ -82,6 +82,16 @@ def rounds() -> Sketch:
     return Sketch.from_loops([Slot((-30, -40), 30, 12, 2.0).loop(), RegularPolygon((-30, -40), 4, 3).loop()], "mm")
 
 
+def bare() -> Sketch:
+    """A cutout of edges in an outline of edges: nothing has a name."""
+    outer = Loop.polyline([(0, 0), (90, 0), (80, 50), (0, 50)])
+    return Sketch.from_loops([outer, Loop(((20, 20), (60, 20), (40, 30)), (0, 0, 0.3))], "mm")
+
+
+def half() -> Sketch:
+    return Sketch.from_loops([Loop(((0, 0), (20, 0)), (0, 1))], "mm")
+
+
 def disc() -> Sketch:
     return Sketch.from_loops([Circle((3, 4), 5).loop()], "mm")
 
@@ -92,6 +102,8 @@ SKETCHES = {
     "flat arcs": flat_arcs,
     "tiny": tiny,
     "rounds": rounds,
+    "bare": bare,
+    "half": half,
     "disc": disc,
     **{f"generated {k}": lambda k=k: generate(np.random.default_rng(k), (8, 40)[k % 2]).scaled(40) for k in range(4)},
 }
@@ -365,6 +377,17 @@ def test_openscad_makes_the_same_solid(name: str, tmp_path: Path) -> None:
         assert len(mesh.split()) == len(sketch.faces)
         area = sketch.area * scale**2
         assert mesh.volume == pytest.approx(3 * area, abs=3 * 0.001 * scale * sketch.length + 1e-5 * area)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_the_page_shows_what_is_written(dialect: str) -> None:
+    outline = Loop(((5, 0), (50, 0), (50, 15), (35, 30), (0, 30), (0, 5)), (0, 0, Q, 0, 0, Q))
+    openings = [Circle((8, 8), 2.1), Circle((42, 8), 2.1), Slot((20, 20), 16, 6, pi / 6)]
+    sketch = Sketch.from_loops([outline, *(opening.loop() for opening in openings)], "mm")
+    page = (ROOT / "docs" / "editable-source.md").read_text(encoding="utf-8")
+    (shown,) = re.findall(rf"^## {dialect}\n\n```\w+\n(.*?)```$", page, flags=re.MULTILINE | re.DOTALL)
+    text = source(sketch, dialect=dialect, thickness=3.0, name="bracket.png")
+    assert re.sub(r"d4cad [\d.]+", "d4cad", shown) == re.sub(r"d4cad [\d.]+", "d4cad", text)
 
 
 @pytest.mark.parametrize("extension", [".py", ".scad"])

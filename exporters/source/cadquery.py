@@ -29,17 +29,11 @@ def source(plan: Plan, name: str) -> str:
     """The part as a CadQuery script."""
     lines: list[str] = []
     for contour in plan.contours:
-        if contour.feature is None or isinstance(contour.feature, RoundedRectangle):
+        if _has_own_sketch(contour):
             calls = [call("cq.Sketch"), *_sketched(contour, plan)]
             lines += [f"# {contour.comment}", *_noted(chained(f"{contour.name} = ", calls), contour, plan), ""]
-    lines += ["profile = (", f"{INDENT}cq.Sketch()"]
-    for face in plan.faces:
-        for family in face.families:
-            lines.append(f"{INDENT}# {family.comment}")
-            for step in _steps(family):
-                lines += laid(step, 1, ".")
     lines += [
-        ")",
+        *_profile([family for face in plan.faces for family in face.families]),
         "",
         "result = cq.Workplane().placeSketch(profile).extrude(thickness)",
         "",
@@ -49,6 +43,24 @@ def source(plan: Plan, name: str) -> str:
     ]
     head = [*opening(plan, name, HOW), "import cadquery as cq", "", *assignments(plan), *point_function()]
     return "\n".join([*head, *lines])
+
+
+def _has_own_sketch(contour: Contour) -> bool:
+    """Whether more than one call makes it: a sketch must be assembled, or its corners rounded, only once."""
+    return contour.feature is None or isinstance(contour.feature, RoundedRectangle)
+
+
+def _profile(families: Sequence[Family]) -> list[str]:
+    """The chain that puts all contours together, comments at those that have none yet."""
+    if all(_has_own_sketch(family.first) for family in families):
+        return chained("profile = ", [call("cq.Sketch"), *(step for family in families for step in _steps(family))])
+    lines = ["profile = (", f"{INDENT}cq.Sketch()"]
+    for family in families:
+        if not _has_own_sketch(family.first):
+            lines.append(f"{INDENT}# {family.comment}")
+        for step in _steps(family):
+            lines += laid(step, 1, ".")
+    return [*lines, ")"]
 
 
 def _sketched(contour: Contour, plan: Plan) -> list[Group]:
