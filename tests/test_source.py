@@ -8,6 +8,8 @@ import runpy
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from itertools import pairwise
@@ -26,7 +28,7 @@ from d4cad.errors import ExportError, GeometryError, InputError
 from d4cad.exporters import occ
 from d4cad.exporters.source import DIALECTS, PYTHON, source, write_source
 from d4cad.exporters.source.words import number, plain, ranges
-from d4cad.features import Rectangle, RegularPolygon, RoundedRectangle, Slot
+from d4cad.features import Feature, Rectangle, RegularPolygon, RoundedRectangle, Slot
 from d4cad.shapes import generate
 from d4cad.sketch import Circle, Loop, Sketch
 
@@ -53,7 +55,7 @@ def plate() -> Sketch:
     bolts = [Circle((x, y), 2.1).loop() for x, y in ((6, 6), (54, 6), (6, 20), (54, 20))]
     keyhole = Loop(((28, 5.0), (30, 5.0), (30, 9.0), (28, 9.0)), (0, 0.4, 0, 2.0))
     cutout = Loop.polyline([(40, 10), (48, 10), (48, 14), (44, 14), (44, 18), (40, 18)])
-    named = [Slot((15, 12), 12, 5, pi / 6), RegularPolygon((15, 26), 4, 6, 0.3), Circle((46, 28), 4)]
+    named: list[Feature] = [Slot((15, 12), 12, 5, pi / 6), RegularPolygon((15, 26), 4, 6, 0.3), Circle((46, 28), 4)]
     return Sketch.from_loops([outline, *bolts, keyhole, cutout, *(shape.loop() for shape in named)], "mm")
 
 
@@ -96,7 +98,11 @@ def disc() -> Sketch:
     return Sketch.from_loops([Circle((3, 4), 5).loop()], "mm")
 
 
-SKETCHES = {
+def generated(seed: int) -> Sketch:
+    return generate(np.random.default_rng(seed), (8, 40)[seed % 2]).scaled(40)
+
+
+SKETCHES: dict[str, Callable[[], Sketch]] = {
     "plate": plate,
     "islands": islands,
     "flat arcs": flat_arcs,
@@ -105,7 +111,7 @@ SKETCHES = {
     "bare": bare,
     "half": half,
     "disc": disc,
-    **{f"generated {k}": lambda k=k: generate(np.random.default_rng(k), (8, 40)[k % 2]).scaled(40) for k in range(4)},
+    **{f"generated {k}": partial(generated, k) for k in range(4)},
 }
 
 
@@ -382,7 +388,7 @@ def test_openscad_makes_the_same_solid(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_the_page_shows_what_is_written(dialect: str) -> None:
     outline = Loop(((5, 0), (50, 0), (50, 15), (35, 30), (0, 30), (0, 5)), (0, 0, Q, 0, 0, Q))
-    openings = [Circle((8, 8), 2.1), Circle((42, 8), 2.1), Slot((20, 20), 16, 6, pi / 6)]
+    openings: list[Feature] = [Circle((8, 8), 2.1), Circle((42, 8), 2.1), Slot((20, 20), 16, 6, pi / 6)]
     sketch = Sketch.from_loops([outline, *(opening.loop() for opening in openings)], "mm")
     page = (ROOT / "docs" / "editable-source.md").read_text(encoding="utf-8")
     (shown,) = re.findall(rf"^## {dialect}\n\n```\w+\n(.*?)```$", page, flags=re.MULTILINE | re.DOTALL)
