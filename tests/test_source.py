@@ -66,8 +66,9 @@ def islands() -> Sketch:
         RoundedRectangle((20, 15), 32, 22, 2),
         Rectangle((20, 15), 9, 9, 0.2),
     ]
-    discs = [Circle((20, 15), 3), Circle((50, 10), 5), Circle((50, 22), 5)]
-    return Sketch.from_loops([shape.loop() for shape in (discs[0], *shapes[::-1], *discs[1:])], "mm")
+    discs: list[Feature] = [Circle((20, 15), 3), Circle((50, 10), 5), Circle((50, 22), 5)]
+    every: list[Feature] = [discs[0], *shapes[::-1], *discs[1:]]
+    return Sketch.from_loops([shape.loop() for shape in every], "mm")
 
 
 def flat_arcs() -> Sketch:
