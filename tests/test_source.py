@@ -61,13 +61,13 @@ def plate() -> Sketch:
 
 def islands() -> Sketch:
     """A ring of a rounded rectangle with a rounded hole; in it a square with a round hole; beside it two discs."""
-    shapes = [
+    shapes: list[Feature] = [
         RoundedRectangle((20, 15), 40, 30, 4),
         RoundedRectangle((20, 15), 32, 22, 2),
         Rectangle((20, 15), 9, 9, 0.2),
     ]
     discs: list[Feature] = [Circle((20, 15), 3), Circle((50, 10), 5), Circle((50, 22), 5)]
-    every: list[Feature] = [discs[0], *shapes[::-1], *discs[1:]]
+    every = [discs[0], *shapes[::-1], *discs[1:]]
     return Sketch.from_loops([shape.loop() for shape in every], "mm")
 
 
