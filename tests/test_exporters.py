@@ -305,7 +305,7 @@ def test_mesh_tolerance_must_be_positive(tolerance: float, tmp_path: Path) -> No
 @pytest.mark.parametrize("name", ["part.dwg", "part", "part.step.bak"])
 def test_unknown_extensions_name_the_known_ones(name: str, tmp_path: Path) -> None:
     for call in (exporters.write, lambda _, path, thickness: exporters.check(path, thickness=thickness)):
-        with pytest.raises(ExportError, match=r"known extensions are \.step \.stp \.brep \.stl \.svg, got"):
+        with pytest.raises(ExportError, match=r"known extensions are \.step \.stp \.brep \.stl \.svg \.py \.scad, got"):
             call(plate(), tmp_path / name, thickness=1)
     assert not list(tmp_path.iterdir())
 
