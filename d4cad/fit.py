@@ -124,7 +124,7 @@ class Fit:
         options: exporters.Options | None = None,
     ) -> None:
         """Write what the extension says: .json the program file, .step .stp .brep .stl .3mf .glb a solid of
-        ``thickness`` mm, .dxf .svg a drawing of the outline, .png a preview.
+        ``thickness`` mm, .py .scad its source code, .dxf .svg a drawing of the outline, .png a preview.
 
         Size and origin as for :meth:`sketch`. options: name, color, kerf and more, as far as the format takes them.
         Raises InputError for a bad value, ExportError if the file cannot be written; nothing is left behind then.
@@ -143,7 +143,10 @@ class Fit:
             io.write(path, self.document(sketch, placement))
         else:
             thickness = placement.thickness or DEFAULT_THICKNESS
-            exporters.write(sketch, path, thickness=thickness, **({} if options is None else options.given))
+            given = {} if options is None else options.given
+            if suffix in exporters.SOURCES:  # code tells its reader where it comes from
+                given.setdefault("name", str(self.settings.get("picture") or path.stem))
+            exporters.write(sketch, path, thickness=thickness, **given)
 
     def write_preview(self, path: str | PathLike[str]) -> None:
         """Write target, outline with vertices, and error as .png or .svg. Raises ExportError."""

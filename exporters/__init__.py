@@ -15,6 +15,7 @@ from d4cad.exporters.glb import write_glb
 from d4cad.exporters.kerf import require_kerf
 from d4cad.exporters.mesh import CHORD_TOLERANCE, require_tolerance
 from d4cad.exporters.occ import require_kernel, require_thickness
+from d4cad.exporters.source import require_dialect, write_python, write_scad
 from d4cad.exporters.step import require_schema, write_step
 from d4cad.exporters.stl import write_stl
 from d4cad.exporters.svg import require_style, write_svg
@@ -22,7 +23,7 @@ from d4cad.exporters.threemf import write_3mf
 from d4cad.files import check_writable
 from d4cad.sketch import Sketch
 
-__all__ = ["CHORD_TOLERANCE", "EXTENSIONS", "Options", "check", "heeded", "takers", "write"]
+__all__ = ["CHORD_TOLERANCE", "EXTENSIONS", "SOURCES", "Options", "check", "heeded", "takers", "write"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +31,8 @@ class Options:
     """What a file may be given beyond its outline; None: not given.
 
     name: of the part. schema: of STEP, AP214 or AP242. color: #rrggbb or a CSS name. tolerance: mm, of a mesh's facets
-    from the exact walls. kerf: mm that a cutter takes away, for drawings. style: of SVG, fill or cut.
+    from the exact walls. kerf: mm that a cutter takes away, for drawings. style: of SVG, fill or cut. dialect: of
+    source code in Python, build123d, build123d-algebra or cadquery.
     Raises InputError, or ExportError for the schema, where a value cannot be used.
     """
 
@@ -40,6 +42,7 @@ class Options:
     tolerance: float | None = None
     kerf: float | None = None
     style: str | None = None
+    dialect: str | None = None
 
     def __post_init__(self) -> None:
         if self.schema is not None:
@@ -52,6 +55,8 @@ class Options:
             require_kerf(self.kerf)
         if self.style is not None:
             require_style(self.style)
+        if self.dialect is not None:
+            require_dialect(self.dialect, python=True)
 
     @property
     def given(self) -> dict[str, Any]:
@@ -87,12 +92,16 @@ WRITERS = {
     ".stl": Writer(write_stl, _takes("tolerance")),
     ".3mf": Writer(write_3mf, _takes("name color tolerance")),
     ".glb": Writer(write_glb, _takes("name color tolerance")),
+    ".py": Writer(write_python, _takes("name dialect")),
+    ".scad": Writer(write_scad, _takes("name tolerance")),
     ".dxf": Writer(write_dxf, _takes("kerf"), solid=False),
     ".svg": Writer(write_svg, _takes("name color kerf style"), solid=False),
 }
 
 EXTENSIONS = tuple(WRITERS)
 """The extensions that :func:`write` knows."""
+SOURCES = (".py", ".scad")
+"""Those of source code."""
 
 
 def write(
@@ -106,18 +115,20 @@ def write(
     tolerance: float | None = None,
     kerf: float | None = None,
     style: str | None = None,
+    dialect: str | None = None,
 ) -> None:
     """Writes a sketch (mm) to ``path`` as its extension says; the file appears whole or not at all.
 
     ``thickness``: mm, for solids; drawings have none. ``name``: of the part, the file's stem by default. ``schema``:
     of STEP, AP214 (default) or AP242. ``color``: #rrggbb or a CSS name. ``tolerance``: mm, of the facets of a mesh,
     CHORD_TOLERANCE by default. ``kerf``: mm that a cutter takes away, see :func:`d4cad.exporters.kerf.compensated`.
-    ``style``: of SVG, "fill" (default) or "cut".
+    ``style``: of SVG, "fill" (default) or "cut". ``dialect``: of a .py file, build123d (default), build123d-algebra or
+    cadquery.
     Raises ExportError for an unknown extension or schema, a missing or failing CAD kernel and an unwritable file,
     InputError for a bad value or unit and for an option that the format cannot hold.
     """
     path = Path(path)
-    options = Options(name, schema, color, tolerance, kerf, style)
+    options = Options(name, schema, color, tolerance, kerf, style, dialect)
     writer = _checked(path, options)
     keywords = options.given
     if "name" in writer.takes:

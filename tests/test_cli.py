@@ -241,6 +241,25 @@ def test_without_a_cad_kernel_step_is_refused_at_once(plate: str, name: str, mon
     assert "needs a CAD kernel: pip install" in refused("fit", plate, "-o", name)
 
 
+def test_export_of_source(plate: str) -> None:
+    d4cad("fit", plate, "-o", "part.json")
+    result = d4cad(
+        "export", "part.json", "-o", "part.py", "-o", "part.scad", "--dialect", "cadquery", "--thickness", "7"
+    )
+    assert "part.py" in result.stdout
+    text = Path("part.py").read_text(encoding="utf-8")
+    assert text.startswith(f'"""Made by d4cad {__version__} from plate.png: ')
+    assert "\nimport cadquery as cq\n\nthickness = 7.0  # mm\n" in text
+    assert "\nthickness = 7; // mm\n" in Path("part.scad").read_text(encoding="utf-8")
+    d4cad("export", "part.json", "-o", "part.py")
+    assert "from build123d import BuildPart" in Path("part.py").read_text(encoding="utf-8").replace("(\n    ", "")
+    before = sorted(Path().iterdir())
+    refusal = refused("export", "part.json", "-o", "new.py", "--dialect", "x")
+    assert "unknown dialect 'x': known are build123d, build123d-algebra, cadquery, openscad" in refusal
+    assert "cannot be in the dialect openscad" in refused("export", "part.json", "-o", "n.py", "--dialect", "openscad")
+    assert sorted(Path().iterdir()) == before
+
+
 def test_export_of_what_is_no_program(plate: str) -> None:
     Path("part.json").write_text("{}")
     assert "part.json is not a usable program file" in refused("export", "part.json", "-o", "part.svg")

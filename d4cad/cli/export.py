@@ -9,6 +9,7 @@ import typer
 
 from d4cad.cli.options import (
     Color,
+    Dialect,
     Dpi,
     Json,
     Kerf,
@@ -43,6 +44,7 @@ def export(
     tolerance: Tolerance = None,
     kerf: Kerf = None,
     style: Style = None,
+    dialect: Dialect = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -59,7 +61,7 @@ def export(
         outputs = output or []
         if not outputs:
             raise D4cadError("there is nothing to write: name a file with -o")
-        options = Options(name, schema, color, tolerance, kerf, style)
+        options = Options(name, schema, color, tolerance, kerf, style, dialect)
         check_outputs(outputs, None, None, options)
         from d4cad.fit import load_program
 

@@ -13,7 +13,7 @@ Output = Annotated[
         "--output",
         "-o",
         metavar="FILE",
-        help="File to write: .step .stp .brep .stl .3mf .glb .dxf .svg .json .png; repeatable.",
+        help="File to write: .step .stp .brep .stl .3mf .glb .py .scad .dxf .svg .json .png; repeatable.",
         show_default=False,
     ),
 ]
@@ -36,7 +36,7 @@ Color = Annotated[
 Schema = Annotated[str | None, typer.Option(metavar="NAME", help="STEP schema, AP214 or AP242.", show_default="AP214")]
 Tolerance = Annotated[
     float | None,
-    typer.Option(metavar="MM", help="Facets from the exact arcs, in mm; .stl .3mf .glb.", show_default="0.01"),
+    typer.Option(metavar="MM", help="Facets from the exact arcs, in mm; .stl .3mf .glb .scad.", show_default="0.01"),
 ]
 Kerf = Annotated[
     float | None,
@@ -44,6 +44,12 @@ Kerf = Annotated[
 ]
 Style = Annotated[
     str | None, typer.Option(metavar="NAME", help="fill, or cut for hairlines; .svg.", show_default="fill")
+]
+Dialect = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME", help="Language of .py: build123d, build123d-algebra or cadquery.", show_default="build123d"
+    ),
 ]
 Grammar = Annotated[str, typer.Option(metavar="NAME", help="Language of shapes: arc-line.")]
 Method = Annotated[str, typer.Option(metavar="NAME", help="fast, or paper for the published settings.")]

@@ -1,0 +1,113 @@
+"""Python source laid out as `ruff format` and Black do: 88 columns, four spaces, trailing commas."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from d4cad import __version__
+from d4cad.exporters.source.parameters import Parameter
+from d4cad.exporters.source.plan import Plan
+from d4cad.exporters.source.words import plain
+
+COLUMNS = 88
+INDENT = "    "
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Brackets with items between commas: ``head`` ends with the opening one, ``tail`` is the closing one."""
+
+    head: str
+    items: tuple[Node, ...]
+    tail: str = ")"
+
+    def __str__(self) -> str:
+        return f"{self.head}{', '.join(map(str, self.items))}{self.tail}"
+
+
+Node = str | Group
+
+
+def call(function: str, *arguments: Node) -> Group:
+    """``function(argument, ...)``."""
+    return Group(f"{function}(", arguments)
+
+
+def array(items: Sequence[Node]) -> Group:
+    """``[item, ...]``."""
+    return Group("[", tuple(items), "]")
+
+
+def laid(node: Node, indent: int = 0, before: str = "", after: str = "") -> list[str]:
+    """Lines of ``before node after``: on one; else a call's arguments on one of their own; else one for each item."""
+    pad = INDENT * indent
+    flat = f"{pad}{before}{node}{after}"
+    if isinstance(node, str) or len(flat) <= COLUMNS or not node.items:
+        return [flat]
+    inner = f"{pad}{INDENT}{', '.join(map(str, node.items))}"
+    is_call = node.tail == ")"
+    if is_call and len(inner) <= COLUMNS:
+        body = [inner]
+    elif is_call and len(node.items) == 1:
+        body = laid(node.items[0], indent + 1)
+    else:
+        body = [line for item in node.items for line in laid(item, indent + 1, after=",")]
+    return [f"{pad}{before}{node.head}", *body, f"{pad}{node.tail}{after}"]
+
+
+def chained(before: str, calls: Sequence[Group], indent: int = 0) -> list[str]:
+    """A fluent chain: the first call, then ``.call(...)`` each, on one line if it fits."""
+    pad = INDENT * indent
+    flat = f"{pad}{before}{'.'.join(map(str, calls))}"
+    if len(flat) <= COLUMNS:
+        return [flat]
+    if len(calls) == 2:  # one dot alone does not make a chain
+        head = f"{calls[0]}.{calls[1].head}"
+        return laid(Group(head, calls[1].items, calls[1].tail), indent, before)
+    lines = [line for k, each in enumerate(calls) for line in laid(each, indent + 1, "." if k else "")]
+    return [f"{pad}{before}(", *lines, f"{pad})"]
+
+
+def opening(plan: Plan, name: str, how: Sequence[str]) -> list[str]:
+    """The module's docstring: where the part comes from, of what it is made, and ``how`` to go on."""
+    origin = plain(name)
+    by = f"Made by d4cad {__version__}{f' from {origin}' if origin else ''}: {plan.edges}."
+    return [f'"""{by}', "", *how, '"""', ""]
+
+
+def assignments(plan: Plan) -> list[str]:
+    """The parameters, then an empty line and the dimensions."""
+    lines = [_assignment(parameter, plan) for parameter in plan.parameters]
+    if plan.dimensions:
+        lines += ["", *(_assignment(parameter, plan) for parameter in plan.dimensions)]
+    return lines
+
+
+def _assignment(parameter: Parameter, plan: Plan) -> str:
+    """Sizes are floats, as the numbers that they are may become anything; points are as short as elsewhere."""
+    value = parameter.value
+    text = f"({plan.number(value[0])}, {plan.number(value[1])})" if isinstance(value, tuple) else repr(value)
+    return f"{parameter.name} = {text}" + (f"  # {parameter.note}" if parameter.note else "")
+
+
+def point_function() -> list[str]:
+    """The function through which every point goes, so that ``scale`` is in one place."""
+    text = f'''
+
+def at(x, y):
+{INDENT}"""A point of the drawing, in mm."""
+{INDENT}return x * scale, y * scale
+
+'''
+    return text.split("\n")
+
+
+def scaled(name: str) -> str:
+    """A length by its parameter's name."""
+    return f"{name} * scale"
+
+
+def center(contour_names: dict[str, str]) -> str:
+    """The centre of a feature as a point in mm."""
+    return f"at(*{contour_names['center']})"

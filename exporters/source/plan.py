@@ -1,0 +1,232 @@
+"""What every dialect writes: named parameters, and named contours of features or of edges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from math import floor, hypot, log10, sqrt
+
+from d4cad.exporters.occ import CAUTIOUS, CONFUSION, FLATTEST, require_mm, require_thickness
+from d4cad.exporters.source.parameters import Named, Names, Parameter, named
+from d4cad.exporters.source.words import at, described, edges, number, ranges, short
+from d4cad.features import TOLERANCE, Circle, Feature, feature
+from d4cad.loop import ROUNDING, Loop, Point
+from d4cad.sketch import Sketch
+
+DECIMALS = 9
+"""Decimals of a coordinate in mm of a part of 1 mm or more; smaller parts have as many significant digits."""
+
+UNSEEN = 1e-9
+"""Share of the part's area that an arc may lose by becoming a line where the kernel would find it invalid."""
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Consecutive lines through ``points``, or one arc from the first point over ``middle`` to the last.
+
+    ``bulge``: of the arc. ``radius``: of an arc for which a short number is as exact as three points are, signed as
+    its bulge: > 0 counter-clockwise.
+    """
+
+    points: tuple[Point, ...]
+    middle: Point | None = None
+    bulge: float = 0.0
+    radius: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Contour:
+    """One closed curve. ``name``: outer_1, hole_1 ... ``what``: kind and size, for people.
+
+    ``feature``: what it is called, if it has a name, and ``names``: the parameters that hold its sizes.
+    ``pieces``: its edges if it has no name; lines come first if there are any.
+    """
+
+    name: str
+    what: str
+    feature: Feature | None = None
+    names: Names = field(default_factory=dict)
+    pieces: tuple[Piece, ...] = ()
+
+    @property
+    def comment(self) -> str:
+        """Its name in words, and what it is."""
+        return f"{self.name.replace('_', ' ')}: {self.what}"
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """One connected region."""
+
+    outer: Contour
+    holes: tuple[Contour, ...]
+
+    @property
+    def contours(self) -> tuple[Contour, ...]:
+        """The outer one, then the holes."""
+        return (self.outer, *self.holes)
+
+    @property
+    def families(self) -> list[Family]:
+        """The contours in order, circles that share their diameter together at the first one's place."""
+        families: dict[str, list[Contour]] = {}
+        for contour in self.contours:
+            families.setdefault(contour.names.get("diameter", contour.name), []).append(contour)
+        return [Family(tuple(members), subtracted=members[0] is not self.outer) for members in families.values()]
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """Contours that differ in place only, so that one call makes them all. ``subtracted``: they are holes."""
+
+    members: tuple[Contour, ...]
+    subtracted: bool
+
+    @property
+    def first(self) -> Contour:
+        """The one that stands for all."""
+        return self.members[0]
+
+    @property
+    def comment(self) -> str:
+        """Names in words, and what they are."""
+        if len(self.members) == 1:
+            return self.first.comment
+        numbers = [int(member.name.rpartition("_")[2]) for member in self.members]
+        kind = self.first.what.partition(" at ")[0].replace("circle", "circles", 1)
+        return f"{self.first.name.partition('_')[0]}s {ranges(numbers)}: {kind}"
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A part as it will be written.
+
+    ``parameters``: those of the whole part, thickness and scale. ``dimensions``: those of its contours. ``faces``: one
+    comes before those that lie in its holes. ``edges``: what the part is made of, for people. ``decimals``: of
+    every coordinate.
+    """
+
+    parameters: tuple[Parameter, ...]
+    dimensions: tuple[Parameter, ...]
+    faces: tuple[Face, ...]
+    edges: str
+    decimals: int
+
+    @property
+    def contours(self) -> tuple[Contour, ...]:
+        """Those of all faces."""
+        return tuple(contour for face in self.faces for contour in face.contours)
+
+    def number(self, value: float) -> str:
+        """A coordinate or size, as short as its decimals allow."""
+        return number(value, self.decimals)
+
+
+def plan(sketch: Sketch, thickness: float, scale: float = 1.0) -> Plan:
+    """The plan of a sketch in mm, extruded by ``thickness`` mm. ``scale``: mm that one unit of it becomes.
+
+    Raises InputError for a bad thickness, a sketch that is empty or not in mm, or sizes that no solid has, and
+    GeometryError for a scale that is not positive and finite.
+    """
+    height = require_thickness(thickness)
+    require_mm(sketch)
+    require_mm(sketch.scaled(scale))
+    xmin, ymin, xmax, ymax = sketch.bounds
+    decimals = DECIMALS + max(0, -floor(log10(max(xmax - xmin, ymax - ymin))))
+    ordered = sorted(sketch.faces, key=lambda face: -face.outer.area)  # what lies in a hole is smaller than its face
+    numbers = iter(range(1, len(sketch.loops) + 1))
+    faces = [
+        Face(
+            _contour(f"outer_{k}", face.outer, sketch.area, decimals),
+            tuple(_contour(f"hole_{next(numbers)}", hole, sketch.area, decimals) for hole in face.holes),
+        )
+        for k, face in enumerate(ordered, 1)
+    ]
+    contours = [contour for face in faces for contour in face.contours]
+    dimensions, names = named([Named(c.name, c.feature) for c in contours if c.feature is not None], decimals)
+    parameters = (
+        Parameter("thickness", height, "mm"),
+        Parameter("scale", float(scale), "mm per drawing unit, in the plane"),
+    )
+    faces = [Face(*_with_names(face, names)) for face in faces]
+    return Plan(parameters, tuple(dimensions), tuple(faces), edges(*_census(contours)), decimals)
+
+
+def _with_names(face: Face, names: dict[str, Names]) -> tuple[Contour, tuple[Contour, ...]]:
+    outer, *holes = (replace(contour, names=names.get(contour.name, {})) for contour in face.contours)
+    return outer, tuple(holes)
+
+
+def _contour(name: str, loop: Loop, area: float, decimals: int) -> Contour:
+    xmin, ymin, xmax, ymax = loop.bounds
+    shorter = min(xmax - xmin, ymax - ymin)
+    found = feature(loop, max(ROUNDING * loop.extent, TOLERANCE * min(1.0, 0.1 * shorter)))
+    if found is not None:
+        return Contour(name, described(found), found)
+    pieces = _pieces(loop, area, decimals)
+    size = f"{short(xmax - xmin)} x {short(ymax - ymin)} mm"
+    place = at(((xmin + xmax) / 2, (ymin + ymax) / 2))
+    contour = Contour(name, "", pieces=pieces)
+    return replace(contour, what=f"contour, {size} {place}, {edges(*_census([contour]))}")
+
+
+def _pieces(loop: Loop, area: float, decimals: int) -> tuple[Piece, ...]:
+    """Runs of lines, and arcs, all the way round; the first begins a run that has an arc before it, if there is one."""
+    n = len(loop.points)
+    single = [_piece(loop.points[i], loop.points[(i + 1) % n], loop.bulges[i], area, decimals) for i in range(n)]
+    first = next((i for i in range(n) if single[i].middle is None and single[i - 1].middle is not None), 0)
+    pieces: list[Piece] = []
+    for piece in single[first:] + single[:first]:
+        if pieces and piece.middle is None and pieces[-1].middle is None:
+            pieces[-1] = Piece((*pieces[-1].points, piece.points[1]))
+        else:
+            pieces.append(piece)
+    return tuple(pieces)
+
+
+def _piece(start: Point, end: Point, bulge: float, area: float, decimals: int) -> Piece:
+    (x0, y0), (x1, y1) = start, end
+    chord = hypot(x1 - x0, y1 - y0)
+    if bulge == 0 or _is_flat(chord, abs(bulge), area):
+        return Piece((start, end))
+    middle = ((x0 + x1) / 2 + bulge * (y1 - y0) / 2, (y0 + y1) / 2 - bulge * (x1 - x0) / 2)
+    return Piece((start, end), middle, bulge, _short_radius(chord, bulge, decimals))
+
+
+def _is_flat(chord: float, bulge: float, area: float) -> bool:
+    """Whether kernels take the arc for a line, or are known to stumble over it while nobody would see the line."""
+    radius, sagitta = chord * (1 + bulge * bulge) / (4 * bulge), chord * bulge / 2
+    return sagitta < CONFUSION or radius > FLATTEST or (radius > CAUTIOUS and sagitta * chord < UNSEEN * area)
+
+
+def _short_radius(chord: float, bulge: float, decimals: int) -> float | None:
+    """The signed radius if, three decimals shorter than coordinates are, it still puts the arc's middle as exactly.
+
+    Major arcs and near semicircles are better told by three points: their chord says little about their radius.
+    """
+    if abs(bulge) > 0.9:
+        return None
+    radius = round(chord * (1 + bulge * bulge) / (4 * abs(bulge)), decimals - 3)
+    if radius <= chord / 2:
+        return None
+    sagitta = radius - sqrt(radius * radius - chord * chord / 4)
+    if abs(sagitta - abs(bulge) * chord / 2) > 10.0**-decimals:
+        return None
+    return radius if bulge > 0 else -radius
+
+
+def _census(contours: Iterable[Contour]) -> tuple[int, int, int]:
+    """How many lines, arcs and full circles."""
+    kinds = [kind for contour in contours for kind in _kinds(contour)]
+    return kinds.count("line"), kinds.count("arc"), kinds.count("circle")
+
+
+def _kinds(contour: Contour) -> Iterator[str]:
+    match contour.feature:
+        case Circle():
+            yield "circle"
+        case None:
+            for piece in contour.pieces:
+                yield from ["line"] * (len(piece.points) - 1) if piece.middle is None else ["arc"]
+        case found:
+            yield from ("line" if b == 0 else "arc" for b in found.loop().bulges)
