@@ -132,7 +132,7 @@ def _candidate(loop: Loop) -> Feature | None:
 
 def _rectangle(z: Sequence[complex]) -> Rectangle:
     u, v = (z[1] - z[0] + z[2] - z[3]) / 2, (z[2] - z[1] + z[3] - z[0]) / 2
-    return Rectangle(_mean(z), *_upright(abs(u), abs(v), phase(u)))
+    return Rectangle(_mean(z), *_upright(abs(u), abs(v), _direction(u, v)))
 
 
 def _rounded(z: Sequence[complex]) -> RoundedRectangle | None:
@@ -140,7 +140,7 @@ def _rounded(z: Sequence[complex]) -> RoundedRectangle | None:
     middle = [(z[k] + z[k + 1]) / 2 for k in range(0, 8, 2)]
     across, up = middle[1] - middle[3], middle[2] - middle[0]
     radius = sum(abs(z[(k + 2) % 8] - z[k + 1]) for k in range(0, 8, 2)) / (4 * sqrt(2))
-    width, height, angle = _upright(abs(across), abs(up), phase(across))
+    width, height, angle = _upright(abs(across), abs(up), _direction(across, up))
     if 2 * radius >= min(width, height):
         return None
     return RoundedRectangle(_mean(z), width, height, radius, angle)
@@ -164,6 +164,11 @@ def _regular(z: Sequence[complex]) -> RegularPolygon:
 def _mean(z: Sequence[complex]) -> Point:
     middle = sum(z) / len(z)
     return middle.real, middle.imag
+
+
+def _direction(across: complex, up: complex) -> float:
+    """The angle of a rectangle with these sides: the longer side tells it better."""
+    return phase(across * abs(across) + up / 1j * abs(up))
 
 
 def _upright(width: float, height: float, angle: float) -> tuple[float, float, float]:

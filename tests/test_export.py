@@ -60,7 +60,7 @@ def test_values_that_make_no_sense(values: dict[str, Any], message: str, tmp_pat
         (".step", {"kerf": 0.1}, "a .step file takes no kerf, only .dxf .svg files do"),
         (".stl", {"color": "red"}, "a .stl file takes no color, only .step .stp .3mf .glb .svg files do"),
         (".brep", {"name": "a"}, "takes no name"),
-        (".dxf", {"tolerance": 0.1}, "takes no tolerance, only .stl .3mf .glb files do"),
+        (".dxf", {"tolerance": 0.1}, "takes no tolerance, only .stl .3mf .glb .scad files do"),
         (".glb", {"schema": "AP214"}, "takes no schema, only .step .stp files do"),
         (".dxf", {"style": "cut"}, "takes no style, only .svg files do"),
     ],

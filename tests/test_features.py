@@ -48,7 +48,7 @@ NAMELESS = {
     "bone": Loop(((0, 0), (6, 0), (6, 2), (0, 2)), (0, -1, 0, 1)),
     "two radii": Loop(((1, 0), (8, 0), (10, 2), (10, 4), (9, 5), (1, 5), (0, 4), (0, 1)), (0, Q) * 4),
     "hollow corners": Loop(((1, 0), (9, 0), (10, 1), (10, 4), (9, 5), (1, 5), (0, 4), (0, 1)), (0, -Q) * 4),
-    "almost a rectangle": Loop.polyline([(0, 0), (4, 0), (4, 2), (2e-6, 2)]),
+    "almost a rectangle": Loop.polyline([(0, 0), (4, 0), (4, 2), (5e-6, 2)]),
     "equal sides, not equal angles": Loop.polyline([(0, 0), (2, 0), (2, 2), (1, 2 + sqrt(3)), (0, 2)]),
 }
 
