@@ -26,6 +26,8 @@ from d4cad.exporters.svg import svg
 from d4cad.files import check_writable, replacing
 from d4cad.sketch import Circle, Loop, Sketch
 
+pytestmark = pytest.mark.kernel
+
 SOLIDS = (".step", ".stp", ".brep", ".stl")
 
 
