@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 from os import PathLike
-from typing import Any, TypeVar
+from typing import Any
 
 from numpy.typing import NDArray
 
@@ -17,7 +17,8 @@ from d4cad.exporters.cadquery import attach, to_cadquery
 from d4cad.exporters.parts import Part
 from d4cad.fit import fit_image
 
-Workplane = TypeVar("Workplane", bound=Any)
+Workplane = Any
+"""cadquery.Workplane, which only the exporters import."""
 
 
 def d4sketch(self: Workplane, *parts: Part) -> Workplane:

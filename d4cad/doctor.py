@@ -18,8 +18,9 @@ TIMEOUT = 120.0
 """Seconds after which a trial has failed: a first import from a slow disk may take many."""
 
 TRIALS = {
-    "OCP": "from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox as make; from OCP.GProp import GProp_GProps as props; "
-    "from OCP.BRepGProp import BRepGProp as m; p = props(); m.VolumeProperties_s(make(1, 2, 3).Shape(), p); v = p.Mass()",
+    "OCP": "from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox as box; from OCP.GProp import GProp_GProps as props\n"
+    "from OCP.BRepGProp import BRepGProp as b\np = props(); b.VolumeProperties_s(box(1, 2, 3).Shape(), p)\n"
+    "v = p.Mass()",
     "build123d": "import build123d; v = build123d.Box(1, 2, 3).volume",
     "cadquery": "import cadquery; v = cadquery.Workplane().box(1, 2, 3).val().Volume()",
 }
@@ -32,6 +33,7 @@ RELEASES = {"build123d": "build123d>=0.12,<0.14", "cadquery": "cadquery>=2.8,<2.
 TOGETHER = "'build123d>=0.12,<0.13' 'cadquery>=2.8,<2.9'"
 """What works by itself, and the one pair of releases that share a version of OCP, as in pyproject.toml."""
 
+CRASH = "it crashed"
 INSTALL = "pip install 'd4cad[build123d]' or pip install 'd4cad[cadquery]'"
 REINSTALL = "pip install --force-reinstall --no-deps"  # dependencies would be renewed as well, beyond what others allow
 
@@ -90,22 +92,22 @@ def tried(module: str, timeout: float = TIMEOUT) -> Trial:
         return Trial(None, seconds)
     said = done.stderr.strip().splitlines()
     crashed = done.returncode < 0 or not said
-    return Trial(f"it crashed with exit code {done.returncode}" if crashed else said[-1].strip(), seconds)
+    return Trial(f"{CRASH} with exit code {done.returncode}" if crashed else said[-1].strip(), seconds)
 
 
 def diagnosed(versions: Mapping[str, str], trials: Mapping[str, Trial]) -> tuple[Problem, ...]:
-    """What is wrong, given what is installed and how it did: of a common cause one problem, else one for each module."""
+    """What is wrong, given what is installed and how it did: one problem for a common cause, else one a module."""
     if not trials:
         return (Problem("no CAD kernel is installed: STEP, BREP and the CAD libraries are not available", INSTALL),)
     failed = {module: trial.error for module, trial in trials.items() if trial.error is not None}
     owners = [f"{name}=={versions[name]}" for name in OWNERS if name in versions]
-    if failed and len(owners) > 1:
+    clashing = [module for module, error in failed.items() if "OCP" in error or error.startswith(CRASH)]
+    if clashing and len(owners) > 1:
         clash = f"{' and '.join(owners)} own the same files, and those that were installed last do not serve"
-        what = f"{clash} {' and '.join(failed)} ({next(iter(failed.values()))})"
-        same = len({versions[name] for name in OWNERS}) == 1
-        return (
-            Problem(what, f"{REINSTALL} {owners[0]}" if same else f"pip install {TOGETHER}, then d4cad doctor again"),
-        )
+        what = f"{clash} {' and '.join(clashing)} ({failed[clashing[0]]})"
+        if len({versions[name] for name in OWNERS}) == 1:
+            return (Problem(what, f"{REINSTALL} {owners[0]}"),)
+        return (Problem(what, f"pip install {TOGETHER}, then d4cad doctor again"),)
     if owners and "OCP" in failed:
         return (Problem(f"OCP does not work: {failed['OCP']}", f"{REINSTALL} {owners[0]}"),)
     return tuple(

@@ -20,6 +20,7 @@ from d4cad.descent import Record, Stop, descend
 from d4cad.edgemodel import AREA_RAMP, exact, measured
 from d4cad.errors import D4cadError, ExportError, GeometryError, InputError
 from d4cad.exporters import preview
+from d4cad.exporters.svg import svg
 from d4cad.images import load
 from d4cad.objectives.image import ImageLoss
 from d4cad.outputs import check_output
@@ -177,8 +178,8 @@ class Fit:
         """The outline's faces in mm as one TopoDS shape, which CAD viewers show; raises as `Sketch.wrapped` does."""
         return self.sketch().wrapped
 
-    def _repr_svg_(self) -> str | None:
-        return self.sketch()._repr_svg_()
+    def _repr_svg_(self) -> str:
+        return svg(self.sketch())
 
 
 def fit_image(

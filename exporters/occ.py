@@ -139,7 +139,7 @@ def volume(shape: Any) -> float:
 
 
 def _sound_face(face: Face) -> Any:
-    """The face, checked only where an arc is flat enough for the kernel to find fault: that costs more than building."""
+    """The face, checked only where an arc is flat enough for the kernel to find fault: it costs more than building."""
     if not any(_has_flat_arc(loop) for loop in face.loops):
         return _face(face, FLATTEST)
     for flattest in (FLATTEST, CAUTIOUS):

@@ -1,4 +1,4 @@
-"""What the CAD libraries' exporters take: a sketch, a fit or a program file; and what they say without their library."""
+"""What the exporters to CAD libraries take: a sketch, a fit or a program file; what they say without the library."""
 
 from __future__ import annotations
 

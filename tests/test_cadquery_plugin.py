@@ -9,19 +9,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 
 from d4cad.errors import InputError
 from d4cad.fit import Fit, fit_image, load_program
+from d4cad.sketch import Sketch
 
 cq: Any = pytest.importorskip("cadquery", reason="CadQuery is not installed")
 import_module("d4cad.cadquery")
 
 
-def disc() -> np.ndarray[Any, Any]:
+def disc() -> NDArray[np.float64]:
     """A white disc of 15.5 px radius, a little off the middle of 48 x 48 px."""
     y, x = np.mgrid[:48, :48] + 0.5
-    return np.clip(15.5 - np.hypot(x - 23, y - 26) + 0.5, 0, 1)
+    return np.asarray(np.clip(15.5 - np.hypot(x - 23, y - 26) + 0.5, 0, 1))
 
 
 @pytest.fixture(scope="module")
@@ -64,10 +66,9 @@ def test_d4sketch_takes_sketches_fits_and_program_files(fit: Fit, tmp_path: Path
 
 def test_a_fit_is_wrapped_and_drawn(fit: Fit) -> None:
     assert cq.Shape.cast(fit.wrapped).Area() == pytest.approx(fit.sketch().area, rel=1e-9)
-    drawing = fit._repr_svg_()
-    assert drawing is not None
-    assert drawing == fit.sketch()._repr_svg_()
-    assert drawing.startswith("<svg")
+    assert fit._repr_svg_().startswith("<svg")
+    assert fit.sketch()._repr_svg_() == fit._repr_svg_()
+    assert Sketch(())._repr_svg_() is None
 
 
 def test_a_fit_is_a_part_for_build123d(fit: Fit) -> None:

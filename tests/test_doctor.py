@@ -158,6 +158,12 @@ def test_a_crash_or_a_hang_is_a_finding(
             r"pip install --force-reinstall --no-deps cadquery-ocp==7\.9\.3\.1\.1",
         ),
         (
+            BOTH,
+            {"OCP": GOOD, "build123d": Trial("ModuleNotFoundError: No module named 'ezdxf'", 1.0), "cadquery": GOOD},
+            r"build123d does not work: ModuleNotFoundError: No module named 'ezdxf'",
+            r"pip uninstall -y build123d && pip install 'build123d>=0\.12,<0\.14'",
+        ),
+        (
             {"build123d": "0.13.0", "cadquery-ocp-novtk": "8.0.1.1.0"},
             {"OCP": GOOD, "build123d": Trial("ImportError: no ocpsvg", 1.0)},
             r"build123d does not work: ImportError: no ocpsvg",
@@ -178,7 +184,8 @@ def test_a_common_cause_is_one_problem(
 def test_the_releases_named_are_those_of_the_package() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     assert [[release] for release in doctor.RELEASES.values()] == [extras["build123d"], extras["cadquery"]]
-    assert doctor.TOGETHER == " ".join(f"'{release}'" for release in extras["cad"])
+    together = [f"'{release}'" for release in extras["cad"]]
+    assert together == doctor.TOGETHER.split(" ")
 
 
 def test_this_environment_is_healthy() -> None:

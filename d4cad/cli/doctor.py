@@ -11,7 +11,7 @@ BROKEN = 1
 
 
 def doctor(as_json: Json = False) -> None:
-    """Tell which CAD kernels work here and how to mend those that do not. Exit code 1 if one is broken or none works."""
+    """Tell which CAD kernels work here, and how to mend the others. Exit code 1 if one is broken or none works."""
     with reported():
         from d4cad import doctor
 
