@@ -3,9 +3,9 @@
     python benchmarks/exporters.py                             # times, against what they may be
     python benchmarks/exporters.py --shapes 200 [--data DIR]   # shapes through both libraries, against area x thickness
 
-Times are CPU times, the least of a few repeats, because other work on the machine can only add to them. The part is a wheel whose
-outer loop has lines and arcs by turns, and three bores. --data names a folder of {set}.json files in the neutral
-format, every shape of which is added to N generated ones; both libraries must be installed for that.
+Times are CPU times, the least of a few repeats, because other work on the machine can only add to them. The part is a
+wheel whose outer loop has lines and arcs by turns, and three bores. --data names a folder of {set}.json files in the
+neutral format, every shape of which is added to N generated ones; both libraries must be installed for that.
 """
 
 from __future__ import annotations

@@ -35,13 +35,22 @@ SMALLEST, LARGEST = 1e-4, 1e7
 
 
 def require_kernel() -> None:
-    """Raises ExportError if no CAD kernel is installed."""
+    """Raises ExportError if no CAD kernel is installed, or one that cannot be imported."""
     try:
+        import_module("OCP")
         import_module("OCP.gp")
     except ImportError as error:
+        if not (isinstance(error, ModuleNotFoundError) and error.name == "OCP"):
+            raise broken("the CAD kernel", error) from error
         raise ExportError(
             "STEP needs a CAD kernel: pip install 'd4cad[build123d]' or pip install 'd4cad[cadquery]'"
         ) from error
+
+
+def broken(name: str, error: ImportError) -> ExportError:
+    """One sentence for a library that is installed and cannot be imported."""
+    reason = " ".join(str(error).split())
+    return ExportError(f"{name} is installed but cannot be imported ({reason}): `d4cad doctor` says how to mend it")
 
 
 @contextmanager

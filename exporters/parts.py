@@ -7,6 +7,7 @@ from typing import Protocol
 
 from d4cad import io
 from d4cad.errors import ExportError, GeometryError, InputError
+from d4cad.exporters.occ import broken
 from d4cad.sketch import Sketch
 
 
@@ -47,5 +48,4 @@ def unusable(library: str, error: ImportError) -> ExportError:
     """One sentence for a library, "build123d" or "cadquery", that does not import, and how to mend it."""
     if isinstance(error, ModuleNotFoundError) and error.name == library:
         return ExportError(f"d4cad.exporters.{library} needs {library}: pip install 'd4cad[{library}]'")
-    reason = " ".join(str(error).split())
-    return ExportError(f"{library} is installed but cannot be imported ({reason}): `d4cad doctor` says how to mend it")
+    return broken(library, error)
