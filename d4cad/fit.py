@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from math import inf, isfinite, log10, sqrt
 from os import PathLike
@@ -24,7 +24,7 @@ from d4cad.exporters.svg import svg
 from d4cad.images import load
 from d4cad.objectives.image import ImageLoss
 from d4cad.outputs import check_output
-from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
+from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement, stated
 from d4cad.program import Floats, Program
 from d4cad.protocols import Grammar
 from d4cad.registry import entry, make_grammar, make_method
@@ -177,6 +177,11 @@ class Fit:
             loops=loops.to_neutral(),
             extra={"cpu_s": self.seconds, "wall_s": self.wall, **(extra or {})},
         )
+
+    @property
+    def wrapped(self) -> Any:
+        """The outline's faces in mm as one TopoDS shape, which CAD viewers show; raises as `Sketch.wrapped` does."""
+        return self.sketch().wrapped
 
     def _repr_svg_(self) -> str:
         return svg(self.sketch())
@@ -354,23 +359,13 @@ def _decoded(file: io.ProgramFile) -> Fit:
         seconds=_seconds(file.extra, "cpu_s"),
         wall=_seconds(file.extra, "wall_s"),
         settings={key: value for key, value in file.settings.items() if key != "placement"},
-        made=_placement(file.settings.get("placement", {})),
+        made=stated(file.settings.get("placement", {})),
     )
 
 
 def _seconds(extra: Mapping[str, Any], key: str) -> float:
     value = extra.get(key, 0.0)
     return float(value) if isinstance(value, (int, float)) else 0.0
-
-
-def _placement(value: object) -> Placement:
-    known = {f.name for f in fields(Placement)}
-    if not isinstance(value, dict) or not set(value) <= known:
-        raise InputError(f"its placement is not an object with some of {', '.join(sorted(known))}")
-    for key, x in value.items():
-        if not isinstance(x, str if key == "origin" else (int, float)) or isinstance(x, bool):
-            raise InputError(f"its placement has a wrong {key}: {x!r}")
-    return Placement(**value)
 
 
 def joined_outline(grammar: Grammar[Any], program: Program[Any], canvas: Canvas, error: float) -> Sketch:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import isfinite
 
 from d4cad.canvas import Canvas
@@ -64,3 +64,14 @@ class Placement:
     def pixel_size(self) -> float:
         """mm per pixel by scale or dpi; a width says nothing about it."""
         return self.scale if self.scale is not None else INCH / (self.dpi or DEFAULT_DPI)
+
+
+def stated(value: object) -> Placement:
+    """The placement that a program file's settings hold as a JSON object. Raises InputError where it is none."""
+    known = {f.name for f in fields(Placement)}
+    if not isinstance(value, dict) or not set(value) <= known:
+        raise InputError(f"its placement is not an object with some of {', '.join(sorted(known))}")
+    for key, x in value.items():
+        if not isinstance(x, str if key == "origin" else (int, float)) or isinstance(x, bool):
+            raise InputError(f"its placement has a wrong {key}: {x!r}")
+    return Placement(**value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from math import isfinite
 from typing import Any
 
@@ -108,6 +109,19 @@ class Sketch:
     def translated(self, dx: float, dy: float) -> Sketch:
         """The sketch moved by (dx, dy)."""
         return self._mapped([loop.translated(dx, dy) for loop in self.loops], self.unit)
+
+    @property
+    def wrapped(self) -> Any:
+        """The faces as OpenCASCADE's TopoDS_Face, or a TopoDS_Compound of several: what CAD viewers show.
+
+        Raises InputError for a sketch that is empty or not in mm, ExportError without a CAD kernel.
+        """
+        occ = import_module("d4cad.exporters.occ")
+        return occ.compound(occ.faces(self))
+
+    def _repr_svg_(self) -> str | None:
+        """The drawing that Jupyter shows; None for an empty sketch."""
+        return str(import_module("d4cad.exporters.svg").svg(self)) if self.faces else None
 
     def polygon(self, tolerance: float) -> list[Floats]:
         """One polygon (n, 2) for each of `loops`, its corners on the loop and its sides within ``tolerance``."""

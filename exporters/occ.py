@@ -13,6 +13,9 @@ from importlib import import_module
 from math import isfinite
 from typing import Any
 
+import numpy as np
+
+from d4cad.edges import chords
 from d4cad.errors import ExportError, InputError
 from d4cad.loop import Circle, Loop, Point
 from d4cad.sketch import Face, Sketch
@@ -32,13 +35,22 @@ SMALLEST, LARGEST = 1e-4, 1e7
 
 
 def require_kernel() -> None:
-    """Raises ExportError if no CAD kernel is installed."""
+    """Raises ExportError if no CAD kernel is installed, or one that cannot be imported."""
     try:
+        import_module("OCP")
         import_module("OCP.gp")
     except ImportError as error:
+        if not (isinstance(error, ModuleNotFoundError) and error.name == "OCP"):
+            raise broken("the CAD kernel", error) from error
         raise ExportError(
             "STEP needs a CAD kernel: pip install 'd4cad[build123d]' or pip install 'd4cad[cadquery]'"
         ) from error
+
+
+def broken(name: str, error: ImportError) -> ExportError:
+    """One sentence for a library that is installed and cannot be imported."""
+    reason = " ".join(str(error).split())
+    return ExportError(f"{name} is installed but cannot be imported ({reason}): `d4cad doctor` says how to mend it")
 
 
 @contextmanager
@@ -78,7 +90,7 @@ def require_mm(sketch: Sketch) -> None:
 
 
 def faces(sketch: Sketch) -> list[Any]:
-    """One TopoDS_Face in the plane z = 0, normal +z, for each face of a sketch in mm.
+    """One valid TopoDS_Face in the plane z = 0, normal +z, for each face of a sketch in mm.
 
     Neighbouring edges share their vertex; full circles are one closed edge, so that extruding gives one cylinder.
     Raises ExportError if there is no kernel or it refuses.
@@ -86,7 +98,7 @@ def faces(sketch: Sketch) -> list[Any]:
     require_kernel()
     require_mm(sketch)
     with kernel_errors():
-        return [_face(face, FLATTEST) for face in sketch.faces]
+        return [_sound_face(face) for face in sketch.faces]
 
 
 def solids(sketch: Sketch, thickness: float) -> list[Any]:
@@ -133,6 +145,24 @@ def volume(shape: Any) -> float:
     properties = import_module("OCP.GProp").GProp_GProps()
     import_module("OCP.BRepGProp").BRepGProp.VolumeProperties_s(shape, properties)
     return float(properties.Mass())
+
+
+def _sound_face(face: Face) -> Any:
+    """The face, checked only where an arc is flat enough for the kernel to find fault: it costs more than building."""
+    if not any(_has_flat_arc(loop) for loop in face.loops):
+        return _face(face, FLATTEST)
+    for flattest in (FLATTEST, CAUTIOUS):
+        made = _face(face, flattest)
+        if is_valid(made):
+            return made
+    x, y = face.outer.points[0]
+    raise ExportError(f"the CAD kernel finds the face at ({x:g}, {y:g}) mm invalid")
+
+
+def _has_flat_arc(loop: Loop) -> bool:
+    edges = loop.edges
+    bend = np.abs(edges.b)
+    return bool(np.any((bend > 0) & (chords(edges) * (1 + bend**2) > 4 * bend * CAUTIOUS)))
 
 
 def _face(face: Face, flattest: float) -> Any:

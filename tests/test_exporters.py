@@ -27,6 +27,8 @@ from d4cad.exporters.svg import svg
 from d4cad.files import check_writable, replacing
 from d4cad.sketch import Circle, Loop, Sketch
 
+pytestmark = pytest.mark.kernel
+
 SOLIDS = (".step", ".stp", ".brep", ".stl", ".3mf", ".glb")
 
 
@@ -180,6 +182,7 @@ def test_wart_a_corner_that_the_kernel_wrongly_calls_a_crossing_is_exported(monk
     (solid,) = occ.solids(sketch, 3)
     assert occ.is_valid(solid)
     assert occ.volume(solid) == pytest.approx(3 * sketch.area, rel=1e-4)
+    assert occ.is_valid(occ.faces(sketch)[0])
     monkeypatch.setattr(occ, "CAUTIOUS", occ.FLATTEST)  # when this no longer raises, CAUTIOUS can go
     with pytest.raises(ExportError, match="invalid"):
         occ.solids(sketch, 3)
@@ -354,6 +357,19 @@ for call in (lambda p: exporters.write(disc, p, thickness=1), lambda p: exporter
 """
     subprocess.run([sys.executable, "-c", script], check=True)
     assert [p.name for p in tmp_path.iterdir()] == ["a.stl"]
+
+
+def test_a_broken_kernel_is_not_called_missing(tmp_path: Path) -> None:
+    """As after an uninstallation of one of the two distributions that own OCP."""
+    (tmp_path / "OCP").mkdir()
+    (tmp_path / "OCP" / "__init__.py").touch()
+    script = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from d4cad.exporters import occ; occ.require_kernel()"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1] == (
+        "d4cad.errors.ExportError: the CAD kernel is installed but cannot be imported (No module named 'OCP.gp'): "
+        "`d4cad doctor` says how to mend it"
+    )
 
 
 def test_importing_the_exporters_imports_no_heavy_library() -> None:

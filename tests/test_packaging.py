@@ -26,7 +26,8 @@ ALLOWED: dict[str, set[str]] = {
     "joining": {"errors", "edges", "loop"},
     "sketch": GEOMETRY,
     "features": {"errors", "edges", "loop", "joining"},
-    "exporters": GEOMETRY | {"exporters", "canvas", "features", "files", "offsets", "__version__"},
+    # io: the outline that a program file states
+    "exporters": GEOMETRY | {"exporters", "canvas", "features", "files", "io", "offsets", "__version__"},
     "raster": {"raster", "errors", "canvas", "program"},
     "grammars": GEOMETRY | {"grammars", "raster", "canvas", "program", "protocols"},
     "objectives": {"objectives", "raster", "canvas", "errors", "program", "protocols"},
@@ -40,6 +41,9 @@ ALLOWED: dict[str, set[str]] = {
     "shapes": GEOMETRY | {"outlines"},
 }
 """Rooms and single modules of d4cad, and those that they may import: the arrows of docs/architecture.md."""
+
+ASKED: dict[str, set[str]] = {"sketch": {"exporters"}}
+"""Arrows that a module follows only when asked: a viewer asks a sketch for its faces or its drawing."""
 
 
 def folder_of(package: str) -> Path:
@@ -67,6 +71,15 @@ def imported(file: Path) -> set[str]:
             assert node.level == 0, f"{file} has a relative import"
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
     return names
+
+
+def asked_for(file: Path) -> set[str]:
+    """Every module that a file imports by `import_module` when it needs it."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "import_module":
+            found |= {str(arg.value) for arg in node.args if isinstance(arg, ast.Constant)}
+    return found
 
 
 def test_packages_are_those_on_disk() -> None:
@@ -125,7 +138,7 @@ def test_every_import_is_declared() -> None:
         for requirement in requirements
     }
     for name, file in modules():
-        tops = {i.split(".")[0] for i in imported(file)} - {"d4cad", *sys.stdlib_module_names}
+        tops = {i.split(".")[0] for i in imported(file) | asked_for(file)} - {"d4cad", *sys.stdlib_module_names}
         missing = {named.get(top, top) for top in tops} - declared
         assert not missing, f"{name} imports {missing}, which pyproject.toml does not name"
 
@@ -138,9 +151,12 @@ def test_arrows(name: str, file: Path) -> None:
     assert not {i for i in imported(file) if i.split(".")[0] in ("grammars", "exporters", "tests", "examples")}
     if part in ALLOWED:
         assert inner <= ALLOWED[part], f"{name} imports {sorted(inner - ALLOWED[part])}"
+        late = {i.split(".")[1] for i in asked_for(file) if i.startswith("d4cad.")}
+        assert late <= ALLOWED[part] | ASKED.get(part, set()), f"{name} imports {sorted(late)} late"
     if part != "exporters":
         kernels = {"OCP", "build123d", "cadquery"}
-        assert not {i for i in imported(file) if i.split(".")[0] in kernels}, f"only exporters may import {kernels}"
+        every = imported(file) | asked_for(file)
+        assert not {i for i in every if i.split(".")[0] in kernels}, f"only exporters may import {kernels}"
 
 
 def test_imports_are_light() -> None:
@@ -163,7 +179,7 @@ def test_imports_are_light() -> None:
     assert done.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("script", ["run", "wheel"])
+@pytest.mark.parametrize("script", ["kernels", "run", "wheel"])
 def test_ci_scripts_run_and_can_fail(script: str) -> None:
     path = ROOT / ".ci" / script
     assert os.access(path, os.X_OK)
