@@ -20,6 +20,7 @@ from d4cad.descent import Record, Stop, descend
 from d4cad.edgemodel import AREA_RAMP, exact, measured
 from d4cad.errors import D4cadError, ExportError, GeometryError, InputError
 from d4cad.exporters import preview
+from d4cad.exporters.form import PLAIN, Form
 from d4cad.exporters.svg import svg
 from d4cad.images import load
 from d4cad.objectives.image import ImageLoss
@@ -121,18 +122,19 @@ class Fit:
         scale: float | None = None,
         dpi: float | None = None,
         origin: str | None = None,
+        form: Form = PLAIN,
     ) -> None:
         """Write what the extension says: .json the program file, .step .stp .brep .stl a solid of ``thickness`` mm,
         .svg a drawing of the outline, .png a preview.
 
-        Size and origin as for :meth:`sketch`. Raises InputError for a bad number, ExportError if the file cannot be
-        written; nothing is left behind then.
+        Size and origin as for :meth:`sketch`. form: of a solid, by default extruded. Raises InputError for a bad number
+        or a form that does not fit, ExportError if the file cannot be written; nothing is left behind then.
         """
-        self.write(Path(path), self.placement(width, scale, dpi, origin, thickness))
+        self.write(Path(path), self.placement(width, scale, dpi, origin, thickness), form)
 
-    def write(self, path: Path, placement: Placement) -> None:
+    def write(self, path: Path, placement: Placement, form: Form = PLAIN) -> None:
         """As :meth:`save`, with the placement given as one value."""
-        check_output(path, has_picture=self.target is not None)
+        check_output(path, has_picture=self.target is not None, form=form)
         suffix = path.suffix.lower()
         if suffix == ".png":
             self.write_preview(path)
@@ -141,7 +143,7 @@ class Fit:
         if suffix == ".json":
             io.write(path, self.document(sketch, placement))
         else:
-            exporters.write(sketch, path, thickness=placement.thickness or DEFAULT_THICKNESS)
+            exporters.write(sketch, path, thickness=placement.thickness or DEFAULT_THICKNESS, form=form)
 
     def write_preview(self, path: str | PathLike[str]) -> None:
         """Write target, outline with vertices, and error as .png or .svg. Raises ExportError."""

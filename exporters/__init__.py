@@ -8,6 +8,7 @@ from pathlib import Path
 
 from d4cad.errors import ExportError
 from d4cad.exporters.brep import write_brep
+from d4cad.exporters.form import PLAIN, Form
 from d4cad.exporters.occ import require_kernel, require_thickness
 from d4cad.exporters.step import write_step
 from d4cad.exporters.stl import CHORD_TOLERANCE, write_stl
@@ -15,16 +16,17 @@ from d4cad.exporters.svg import write_svg
 from d4cad.files import check_writable
 from d4cad.sketch import Sketch
 
-__all__ = ["CHORD_TOLERANCE", "EXTENSIONS", "check", "write"]
+__all__ = ["CHORD_TOLERANCE", "EXTENSIONS", "Form", "check", "write"]
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What the writers may need. ``thickness``, ``tolerance``: mm. ``name``: the product's."""
+    """What the writers may need. ``thickness``, ``tolerance``: mm. ``name``: the product's. ``form``: of a solid."""
 
     thickness: float
     name: str
     tolerance: float
+    form: Form = PLAIN
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +39,15 @@ class Writer:
 
 
 def _step(sketch: Sketch, path: Path, options: Options) -> None:
-    write_step(sketch, path, thickness=options.thickness, name=options.name)
+    write_step(sketch, path, thickness=options.thickness, name=options.name, form=options.form)
 
 
 def _brep(sketch: Sketch, path: Path, options: Options) -> None:
-    write_brep(sketch, path, thickness=options.thickness)
+    write_brep(sketch, path, thickness=options.thickness, form=options.form)
 
 
 def _stl(sketch: Sketch, path: Path, options: Options) -> None:
-    write_stl(sketch, path, thickness=options.thickness, tolerance=options.tolerance)
+    write_stl(sketch, path, thickness=options.thickness, tolerance=options.tolerance, form=options.form)
 
 
 def _svg(sketch: Sketch, path: Path, _: Options) -> None:
@@ -71,28 +73,36 @@ def write(
     thickness: float | None = None,
     name: str | None = None,
     tolerance: float = CHORD_TOLERANCE,
+    form: Form = PLAIN,
 ) -> None:
     """Writes a sketch (mm) to ``path`` as its extension says; the file appears whole or not at all.
 
     ``thickness``: mm, for solids. ``name``: of the STEP product, the file's stem by default. ``tolerance``: mm,
-    of the facets of a mesh. Raises ExportError for an unknown extension, a missing or failing CAD kernel and an
-    unwritable file, InputError for a bad thickness, tolerance or unit.
+    of the facets of a mesh. ``form``: how a solid is made, by default extruded. Raises ExportError for an unknown
+    extension, a missing or failing CAD kernel and an unwritable file, InputError for a bad thickness, tolerance or unit, or a form that does not fit.
     """
     path = Path(path)
     writer = _writer(path)
+    _require_solid(path, writer, form)
     height = require_thickness(thickness) if writer.solid else 0.0
-    writer.write(sketch, path, Options(height, path.stem if name is None else name, tolerance))
+    writer.write(sketch, path, Options(height, path.stem if name is None else name, tolerance, form))
 
 
-def check(path: str | Path, *, thickness: float | None = None) -> None:
+def check(path: str | Path, *, thickness: float | None = None, form: Form = PLAIN) -> None:
     """Raises at once what :func:`write` would raise for these after a long fit; writes nothing."""
     path = Path(path)
     writer = _writer(path)
+    _require_solid(path, writer, form)
     if writer.solid:
         require_thickness(thickness)
-    if writer.kernel:
+    if writer.kernel or form.draft or form.rim is not None:
         require_kernel()
     check_writable(path)
+
+
+def _require_solid(path: Path, writer: Writer, form: Form) -> None:
+    if form != PLAIN and not writer.solid:
+        raise ExportError(f"cannot write {path} with {' and '.join(form.names)}: a drawing has the plain outline only")
 
 
 def _writer(path: Path) -> Writer:

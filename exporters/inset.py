@@ -20,9 +20,9 @@ def inset(sketch: Sketch, distance: float) -> Sketch:
     Raises GeometryError, saying where, if an edge would vanish or the moved outline would meet itself.
     """
     found = [moved(loop, distance) for loop in sketch.loops]
-    Sketch.from_loops(found, sketch.unit)
-    if any((new.area > 0) != (old.area > 0) for new, old in zip(found, sketch.loops, strict=True)):
-        raise GeometryError(f"an outline turns inside out when moved by {distance:g}")
+    nested = Sketch.from_loops(found, sketch.unit)
+    if {*nested.loops} != {*found} or len(nested.faces) != len(sketch.faces):
+        raise GeometryError(f"two outlines pass through each other when moved by {distance:g}")
     rest = iter(found)
     return Sketch(tuple(Face(next(rest), tuple(next(rest) for _ in face.holes)) for face in sketch.faces), sketch.unit)
 

@@ -12,7 +12,7 @@ from d4cad.errors import ExportError, GeometryError
 from d4cad.exporters.inset import inset
 from d4cad.exporters.occ import faces, kernel_errors, require_kernel
 from d4cad.loop import Circle, Loop, Point
-from d4cad.sketch import Sketch
+from d4cad.sketch import Face, Sketch
 
 FINE = 1e-3
 """Chord tolerance in mm of the polygons by which an offset is checked, and by which areas may differ along an edge."""
@@ -31,19 +31,30 @@ def offset(sketch: Sketch, wall: float) -> Sketch:
         return inset(sketch, wall)
     except GeometryError:
         pass
-    wanted = _polygon_area(sketch, wall)
-    if wanted <= FINE * wall:
-        raise GeometryError(f"no part of it is {wall:g} mm from its edges")
     require_kernel()
+    found = tuple(face for island in sketch.faces for face in _left(Sketch((island,), sketch.unit), wall))
+    if not found:
+        raise GeometryError(f"no part of it is {wall:g} mm from its edges")
+    return Sketch(found, sketch.unit)
+
+
+def _left(island: Sketch, wall: float) -> tuple[Face, ...]:
+    """What is left of one face."""
+    wanted = _polygon_area(island, wall)
+    if wanted <= FINE * island.length:
+        return ()
     for factor in RETRIES:
         try:
             with kernel_errors():
-                found = Sketch.from_loops(_offset_loops(sketch, wall * factor), "mm")
+                found = Sketch.from_loops(_offset_loops(island, wall * factor), island.unit)
         except (ExportError, GeometryError):
             continue
-        if found.faces and abs(found.area - wanted) <= 0.01 * wanted + FINE * found.length:
-            return found
-    raise ExportError(f"the CAD kernel could not move the outline inwards by {wall:g} mm: try another wall")
+        if abs(found.area - wanted) <= 0.01 * wanted + FINE * found.length:
+            return found.faces
+    x, y = island.faces[0].outer.points[0]
+    raise ExportError(
+        f"the CAD kernel could not move the outline at ({x:g}, {y:g}) mm inwards by {wall:g} mm: try another wall"
+    )
 
 
 def _polygon_area(sketch: Sketch, wall: float) -> float:
@@ -55,15 +66,12 @@ def _polygon_area(sketch: Sketch, wall: float) -> float:
 
 def _offset_loops(sketch: Sketch, wall: float) -> list[Loop]:
     api, join = import_module("OCP.BRepOffsetAPI"), import_module("OCP.GeomAbs").GeomAbs_JoinType
-    loops = []
-    for face in faces(sketch):
-        maker = api.BRepOffsetAPI_MakeOffset(face, join.GeomAbs_Arc, False)
-        maker.Perform(-wall)
-        if not maker.IsDone():
-            raise ExportError("the CAD kernel made no offset")
-        if not maker.Shape().IsNull():
-            loops += [_loop(wire) for wire in explored(maker.Shape(), "WIRE")]
-    return loops
+    (face,) = faces(sketch)
+    maker = api.BRepOffsetAPI_MakeOffset(face, join.GeomAbs_Arc, False)
+    maker.Perform(-wall)
+    if not maker.IsDone():
+        raise ExportError("the CAD kernel made no offset")
+    return [_loop(wire) for wire in explored(maker.Shape(), "WIRE")]
 
 
 def explored(shape: Any, kind: str) -> list[Any]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from d4cad.errors import GeometryError, InputError
 from d4cad.exporters.form import Chamfer, Emboss, Engrave, Fillet, Form, Pocket, Shell
-from d4cad.exporters.inset import inset, moved
+from d4cad.exporters.inset import inset, moved, normals
 from d4cad.exporters.occ import require_mm, require_thickness
 from d4cad.exporters.offset import offset
 from d4cad.loop import Loop
@@ -22,6 +22,9 @@ from d4cad.sketch import Face, Sketch
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 """Gauss-Legendre rule on [-1, 1]."""
+
+TANGENT = 1e-4
+"""Radians of a corner below which its edges are tangent."""
 
 Profile = tuple[tuple[float, float], ...]
 """(height, inset) in mm, rising: how far the outline has moved into the material at some heights; linear between."""
@@ -40,8 +43,10 @@ class Slab:
     def volume(self) -> float:
         """mm^3, exact."""
         height = self.top - self.bottom
-        return _integral(lambda z: _area(self.sketch, self.slope * z), height) if self.slope else (
-            self.sketch.area * height
+        return (
+            _integral(lambda z: _area(self.sketch, self.slope * z), height)
+            if self.slope
+            else (self.sketch.area * height)
         )
 
 
@@ -143,11 +148,13 @@ def _extruded(sketch: Sketch, height: float, form: Form) -> Plan:
     for depth in depths.values():
         if depth >= height:
             raise InputError(
-                f"the pocket of {depth:g} mm is not shallower than the part of {height:g} mm: leave it out for a through hole"
+                f"the pocket of {depth:g} mm goes through the part of {height:g} mm: leave it out for a through hole"
             )
     floors = {_pocket(sketch, hole): depth for hole, depth in depths.items()}
     ground = _without(sketch, floors)
     rim = form.rim
+    if isinstance(rim, Fillet) and slope:
+        _require_tame_corners(sketch)
     top = rim if rim is not None and rim.edges != "bottom" else None
     bottom = rim if rim is not None and rim.edges != "top" else None
     if rim is not None:
@@ -159,7 +166,9 @@ def _extruded(sketch: Sketch, height: float, form: Form) -> Plan:
     bevels = (bottom if isinstance(bottom, Chamfer) else None, top if isinstance(top, Chamfer) else None)
     body = Column(ground, _profile(0.0, height, slope, *bevels))
     cut = tuple(
-        Column(Sketch((tool,), "mm"), tuple((z, -d) for z, d in _profile(height - depth, height, slope, None, bevels[1])))
+        Column(
+            Sketch((tool,), "mm"), tuple((z, -d) for z, d in _profile(height - depth, height, slope, None, bevels[1]))
+        )
         for tool, depth in floors.items()
     )
     roundings = []
@@ -202,6 +211,24 @@ def _require_inset(section: Sketch, rim: Fillet | Chamfer, slope: float) -> None
     except GeometryError as error:
         most = _largest(lambda share: inset(section, inwards * share), rim.size)
         raise InputError(f"{rim_name(rim)} does not fit: {error}; {_room(most, 'mm')}") from None
+
+
+def _require_tame_corners(sketch: Sketch) -> None:
+    """Raises InputError where an arc meets its neighbour at an angle.
+
+    Drafted walls meet there in a parabola, along which OpenCASCADE's fillets go wrong: it has crashed on some.
+    """
+    for loop in sketch.loops:
+        e = loop.edges
+        before = e.take(np.roll(np.arange(e.b.size), 1))
+        turn = np.abs(np.angle(normals(e, e.z0) / normals(before, e.z0)))
+        bad = (turn > TANGENT) & ((e.b != 0) | (before.b != 0))
+        if np.any(bad):
+            z = e.z0[int(np.argmax(bad))]
+            raise InputError(
+                "the kernel cannot round drafted walls where an arc meets an edge at an angle,"
+                f" as at ({z.real:g}, {z.imag:g}) mm: take a chamfer, or no draft"
+            )
 
 
 def _require_room(

@@ -44,7 +44,9 @@ def _snapped(loop: Loop) -> Loop:
     along = [points[i][0] == 0 and points[(i + 1) % n][0] == 0 and loop.bulges[i] == 0 for i in range(n)]
     for i, (x, y) in enumerate(points):
         if x == 0 and not (along[i] or along[i - 1]):
-            raise InputError(f"the profile touches its axis in one point, (0, {y:g}) mm: give it an edge on it, or room")
+            raise InputError(
+                f"the profile touches its axis in one point, (0, {y:g}) mm: give it an edge on it, or room"
+            )
     found = Loop(points, loop.bulges)
     if found.bounds[0] <= CONFUSION and not any(along):
         raise InputError("the profile touches its axis with an arc: give it a straight edge on the axis, or room")
@@ -52,7 +54,7 @@ def _snapped(loop: Loop) -> Loop:
 
 
 def swept_volume(sketch: Sketch, angle: float) -> float:
-    """mm^3 of the turned sketch, by Pappus: angle times the integral of x over the area, which is that of x^2 / 2 dy."""
+    """mm^3 of the turned sketch, by Pappus: the angle times the integral of x over the area, that of x^2 / 2 dy around."""
     moment = 0.0
     for loop in sketch.loops:
         e = loop.edges.take((slice(None), None))
@@ -78,5 +80,8 @@ def revolved(sketch: Sketch, revolve: Revolve) -> list[Any]:
         ]
         wanted = swept_volume(half, revolve.angle)
         if not (found and is_valid(compound(found)) and abs(sum(map(volume, found)) - wanted) <= EXACT * wanted):
-            raise ExportError(f"the CAD kernel could not turn this profile by {revolve.degrees:g} degrees")
+            raise ExportError(
+                f"the CAD kernel could not turn this profile by {revolve.degrees:g} degrees:"
+                " a straight edge on the axis or a gap to it often works, arcs that end along the axis do not"
+            )
     return found

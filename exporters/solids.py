@@ -18,7 +18,7 @@ from d4cad.sketch import Sketch
 EXACT = 1e-6
 """Largest relative error of a volume: planes, cylinders and cones are exact up to the kernel's integration."""
 
-ROUNDED = 0.03
+ROUNDED = 0.1
 """The same for what a fillet takes away: the kernel rounds over kinks that are nearly tangent."""
 
 LEVEL = 1e-6
@@ -43,14 +43,13 @@ def solids_of(sketch: Sketch, thickness: float, form: Form = PLAIN) -> list[Any]
         if parts.cut:
             wanted -= sum(column.volume for column in parts.cut)
             found = _checked(_cut(found, parts.cut), wanted, form)
-        for rounding in parts.roundings:
-            before, removed = sum(map(volume, found)), rounding.volume
-            found = [_rounded(solid, rounding) for solid in found]
-            wanted -= removed
-            after = sum(map(volume, found))
-            if not (all(map(is_valid, found)) and abs(before - after - removed) <= ROUNDED * removed):
-                raise _refused(rounding)
-            wanted = after
+        if parts.roundings:
+            removed = sum(rounding.volume for rounding in parts.roundings)
+            found = [_rounded(solid, parts.roundings) for solid in found]
+            rest = sum(map(volume, found))
+            if not (all(map(is_valid, found)) and abs(wanted - rest - removed) <= ROUNDED * removed):
+                raise _refused(parts.roundings[0])
+            wanted = rest
         if parts.hollow:
             wanted -= sum(column.volume for column in parts.hollow)
             found = _checked(_cut(found, parts.hollow), wanted, form)
@@ -111,38 +110,46 @@ def _leaning(solid: Any, slope: float) -> Any:
     else:
         maker.Build()
         if maker.IsDone():
-            # a corner of nearly tangent walls moves along a curve that the kernel knows to 1e-6 mm, and calls by 1e-7
-            mender = import_module("OCP.ShapeFix").ShapeFix_Shape(maker.Shape())
-            mender.Perform()
-            return explored(mender.Shape(), "SOLID")[0]
+            return _mended(maker.Shape())
     raise ExportError("the CAD kernel could not lean the walls of this outline: another draft or chamfer may work")
 
 
-def _rounded(solid: Any, rounding: Rounding) -> Any:
+def _rounded(solid: Any, roundings: Sequence[Rounding]) -> Any:
+    """All fillets at once: one after the other the kernel takes corners for new edges."""
     maker = import_module("OCP.BRepFilletAPI").BRepFilletAPI_MakeFillet(solid)
     for face in explored(solid, "FACE"):
         height = _level(face)
-        if height is not None and abs(height - rounding.level) <= LEVEL:
-            for edge in explored(face, "EDGE"):
-                maker.Add(rounding.fillet.size, edge)
-    if maker.NbContours() == 0:
-        return solid
+        for rounding in roundings:
+            if height is not None and abs(height - rounding.level) <= LEVEL:
+                for edge in explored(face, "EDGE"):
+                    maker.Add(rounding.fillet.size, edge)
     try:
         with kernel_errors():
             maker.Build()
     except ExportError:
-        raise _refused(rounding) from None
+        raise _refused(roundings[0]) from None
     found = explored(maker.Shape(), "SOLID") if maker.IsDone() else []
     if len(found) != 1:
-        raise _refused(rounding)
-    return found[0]
+        raise _refused(roundings[0])
+    return _mended(found[0])
+
+
+def _mended(shape: Any) -> Any:
+    """The solid; if it is invalid, with the tolerances that its curves really have.
+
+    Walls that are nearly tangent meet along a curve that the kernel knows to 1e-6 mm and states as 1e-7 mm.
+    """
+    if not is_valid(shape):
+        mender = import_module("OCP.ShapeFix").ShapeFix_Shape(shape)
+        mender.Perform()
+        shape = mender.Shape()
+    return explored(shape, "SOLID")[0]
 
 
 def _refused(rounding: Rounding) -> ExportError:
-    where = "top" if rounding.level else "bottom"
     return ExportError(
-        f"the CAD kernel could not make {rim_name(rounding.fillet)} along the {where} of this outline:"
-        " a smaller one, or a chamfer, may work"
+        f"the CAD kernel could not make {rim_name(rounding.fillet)} along this outline:"
+        " a smaller one or a chamfer may work, or an outline whose tangent edges are exactly so"
     )
 
 

@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from d4cad.errors import ExportError
-from d4cad.exporters.occ import compound, kernel_errors, solids
+from d4cad.exporters.form import PLAIN, Form
+from d4cad.exporters.occ import compound, kernel_errors
+from d4cad.exporters.solids import solids_of
 from d4cad.files import replacing
 from d4cad.sketch import Sketch
 
@@ -21,16 +23,22 @@ SCHEMAS = {"AP214": "AP214IS", "AP242": "AP242DIS"}
 
 
 def write_step(
-    sketch: Sketch, path: str | Path, *, thickness: float, name: str = "part", schema: str = "AP214"
+    sketch: Sketch,
+    path: str | Path,
+    *,
+    thickness: float,
+    name: str = "part",
+    schema: str = "AP214",
+    form: Form = PLAIN,
 ) -> None:
     """Writes the sketch (mm), extruded from z = 0 to ``thickness`` mm, as a STEP file whose bytes are reproducible.
 
-    ``name``: the product's. ``schema``: AP214, or AP242. Raises InputError for a bad thickness or unit, ExportError
-    if the kernel is missing or fails, or the file cannot be written.
+    ``form``: what else than extruded. ``name``: the product's. ``schema``: AP214, or AP242. Raises InputError for a bad
+    thickness or unit, or a form that does not fit, ExportError if the kernel is missing or fails, or the file cannot be written.
     """
     if schema not in SCHEMAS:
         raise ExportError(f"unknown STEP schema {schema!r}: known are {', '.join(SCHEMAS)}")
-    shape = compound(solids(sketch, thickness))
+    shape = compound(solids_of(sketch, thickness, form))
     text = _settled(_text(shape, schema), name)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="ascii")

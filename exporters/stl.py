@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from d4cad.errors import ExportError, InputError
+from d4cad.exporters.form import PLAIN, Form
+from d4cad.exporters.form_mesh import form_mesh
 from d4cad.exporters.occ import require_mm, require_thickness
 from d4cad.files import replacing
 from d4cad.sketch import Sketch
@@ -43,9 +45,17 @@ def mesh(
     return np.asarray(found.vert_properties[:, :3]), np.asarray(found.tri_verts, dtype=np.int64)
 
 
-def write_stl(sketch: Sketch, path: str | Path, *, thickness: float, tolerance: float = CHORD_TOLERANCE) -> None:
+def write_stl(
+    sketch: Sketch,
+    path: str | Path,
+    *,
+    thickness: float,
+    tolerance: float = CHORD_TOLERANCE,
+    form: Form = PLAIN,
+) -> None:
     """Writes the sketch (mm), extruded from z = 0, as a binary STL file; see :func:`mesh`."""
-    vertices, triangles = mesh(sketch, thickness, tolerance)
+    plain = form == PLAIN
+    vertices, triangles = mesh(sketch, thickness, tolerance) if plain else form_mesh(sketch, thickness, tolerance, form)
     corners = vertices[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     facets = np.zeros(len(triangles), TRIANGLE)

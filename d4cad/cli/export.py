@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from d4cad.cli import forms
 from d4cad.cli.options import Dpi, Json, Origin, Output, Quiet, Scale, Thickness, Width
 from d4cad.cli.running import check_outputs, report, reported, write
 from d4cad.errors import D4cadError
@@ -22,6 +23,21 @@ def export(
     dpi: Dpi = None,
     thickness: Thickness = None,
     origin: Origin = None,
+    pocket: forms.PocketOption = None,
+    emboss: forms.EmbossOption = None,
+    engrave: forms.EngraveOption = None,
+    base: forms.Base = None,
+    margin: forms.Margin = None,
+    draft: forms.Draft = None,
+    fillet: forms.FilletOption = None,
+    chamfer: forms.ChamferOption = None,
+    rim: forms.Rim = None,
+    revolve: forms.RevolveOption = False,
+    angle: forms.Angle = None,
+    axis: forms.Axis = None,
+    shell: forms.ShellOption = None,
+    open_side: forms.Open = None,
+    list_loops: forms.ListLoops = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -30,13 +46,34 @@ def export(
         from d4cad.placement import Placement
 
         Placement(width, scale, dpi, "corner" if origin is None else origin, thickness)
+        form = forms.form_of(
+            pocket=pocket,
+            emboss=emboss,
+            engrave=engrave,
+            base=base,
+            margin=margin,
+            draft=draft,
+            fillet=fillet,
+            chamfer=chamfer,
+            rim=rim,
+            revolve=revolve,
+            angle=angle,
+            axis=axis,
+            shell=shell,
+            open_side=open_side,
+        )
         outputs = output or []
-        if not outputs:
+        if list_loops and outputs:
+            raise D4cadError("--list-loops writes nothing: leave it or -o out")
+        if not (outputs or list_loops):
             raise D4cadError("there is nothing to write: name a file with -o")
-        check_outputs(outputs, None, None)
+        check_outputs(outputs, None, None, form)
         from d4cad.fit import load_program
 
         found = load_program(program)
         placement = found.placement(width, scale, dpi, origin, thickness)
-        write(found, placement, outputs, None)
+        if list_loops:
+            typer.echo(forms.loops_text(placement.place(found.outline, found.canvas), as_json=as_json))
+            return
+        write(found, placement, outputs, None, form)
         report(found, placement, outputs, None, quiet=quiet, as_json=as_json)

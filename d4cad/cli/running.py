@@ -13,6 +13,7 @@ import typer
 from d4cad.errors import D4cadError
 
 if TYPE_CHECKING:
+    from d4cad.exporters.form import Form
     from d4cad.fit import Fit
     from d4cad.placement import Placement
 
@@ -43,14 +44,15 @@ def _sentence(error: D4cadError | OSError) -> str:
     return " ".join(str(error).split())
 
 
-def check_outputs(outputs: list[Path], preview: Path | None, image: Path | None) -> None:
+def check_outputs(outputs: list[Path], preview: Path | None, image: Path | None, form: Form | None = None) -> None:
     """Refuses, before anything is computed, outputs that could not be written or that would take each other's place."""
+    from d4cad.exporters.form import PLAIN
     from d4cad.exporters.preview import require_format
     from d4cad.files import check_writable
     from d4cad.outputs import check_output
 
     for path in outputs:
-        check_output(path, has_picture=image is not None)
+        check_output(path, has_picture=image is not None, form=form or PLAIN)
     if preview is not None:
         require_format(preview)
         check_writable(preview)
@@ -61,9 +63,11 @@ def check_outputs(outputs: list[Path], preview: Path | None, image: Path | None)
         taken[path.resolve()] = "named for two outputs"
 
 
-def write(fit: Fit, placement: Placement, outputs: list[Path], preview: Path | None) -> None:
+def write(fit: Fit, placement: Placement, outputs: list[Path], preview: Path | None, form: Form | None = None) -> None:
+    from d4cad.exporters.form import PLAIN
+
     for path in outputs:
-        fit.write(path, placement)
+        fit.write(path, placement, form or PLAIN)
     if preview is not None:
         fit.write_preview(preview)
 
