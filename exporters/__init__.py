@@ -79,7 +79,8 @@ def write(
 
     ``thickness``: mm, for solids. ``name``: of the STEP product, the file's stem by default. ``tolerance``: mm,
     of the facets of a mesh. ``form``: how a solid is made, by default extruded. Raises ExportError for an unknown
-    extension, a missing or failing CAD kernel and an unwritable file, InputError for a bad thickness, tolerance or unit, or a form that does not fit.
+    extension, a missing or failing CAD kernel and an unwritable file, InputError for a bad thickness,
+    tolerance or unit, or a form that does not fit.
     """
     path = Path(path)
     writer = _writer(path)
@@ -95,7 +96,7 @@ def check(path: str | Path, *, thickness: float | None = None, form: Form = PLAI
     _require_solid(path, writer, form)
     if writer.solid:
         require_thickness(thickness)
-    if writer.kernel or form.draft or form.rim is not None:
+    if writer.kernel:
         require_kernel()
     check_writable(path)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan, cos, isfinite, pi, radians, sqrt, tan
+from math import atan, ceil, cos, isfinite, pi, radians, sin, sqrt, tan
 
 from d4cad.errors import InputError
 
@@ -88,6 +88,13 @@ class Fillet:
         """Distance in mm of its section from the sharp edge, inwards, ``level`` mm from the face."""
         return self.reach(slope)[0] - sqrt(max(self.size**2 - (self.size - level) ** 2, 0.0))
 
+    def points(self, slope: float, chord: float) -> list[tuple[float, float]]:
+        """(inset, level) in mm from the face to the wall, as a polygon within ``chord`` mm of the arc."""
+        turn = pi / 2 - atan(slope)
+        count = max(2, ceil(turn / sqrt(8 * min(chord / self.size, 0.1))))
+        inwards, angles = self.reach(slope)[0], [turn * k / count for k in range(count + 1)]
+        return [(inwards - self.size * sin(t), self.size * (1 - cos(t))) for t in angles]
+
 
 @dataclass(frozen=True, slots=True)
 class Chamfer:
@@ -108,6 +115,11 @@ class Chamfer:
         """As :meth:`Fillet.inset`."""
         inwards, down = self.reach(slope)
         return inwards - (inwards + slope * down) * level / down
+
+    def points(self, slope: float, chord: float) -> list[tuple[float, float]]:
+        """As :meth:`Fillet.points`; exact whatever the ``chord``."""
+        inwards, down = self.reach(slope)
+        return [(inwards, 0.0), (-slope * down, down)]
 
 
 @dataclass(frozen=True, slots=True)

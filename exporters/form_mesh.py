@@ -1,8 +1,7 @@
-"""Triangle meshes of every form.
+"""Triangle meshes of every form, by manifold3d: no CAD kernel needed, except where a shell's hollow loses edges.
 
-Solids with level faces and vertical walls, and turned ones, are made by manifold3d from polygons within the chord
-tolerance. Leaning walls and fillets are tessellated by OpenCASCADE from the exact solid, because polygons cannot
-follow the corners between them; manifold3d merges the faces and says whether the mesh closes.
+Sections of one outline keep its edges at every height, so that a column is its sections' polygons, joined point by
+point: closed as it is made, drafted walls and fillets included.
 """
 
 from __future__ import annotations
@@ -16,16 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from d4cad.edges import Floats, points_along
 from d4cad.errors import ExportError, InputError
 from d4cad.exporters.form import PLAIN, Form, Revolve
-from d4cad.exporters.offset import explored
-from d4cad.exporters.plan import Column, Plan, plan
+from d4cad.exporters.plan import Column, plan
 from d4cad.exporters.revolve import profile
-from d4cad.exporters.solids import solids_of
+from d4cad.loop import Loop
 from d4cad.sketch import Sketch
-
-TURN = 0.35
-"""Largest angle in radians between neighbouring facets of a tessellated surface, however large the tolerance."""
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int64]]
 
@@ -40,73 +36,56 @@ def form_mesh(sketch: Sketch, thickness: float, tolerance: float, form: Form = P
         raise InputError(f"the chord tolerance of a mesh must be positive and finite, got {tolerance:g} mm")
     if form.revolve is not None:
         return _arrays(_turned(profile(sketch, form.revolve), form.revolve, tolerance))
-    parts = plan(sketch, thickness, form)
-    if parts.straight:
-        return _arrays(_assembled(parts, tolerance))
-    return _arrays(_tessellated(solids_of(sketch, thickness, form), tolerance))
-
-
-def _section(sketch: Sketch, tolerance: float) -> Any:
-    manifold3d = import_module("manifold3d")  # it ships no types that mypy finds
-    return manifold3d.CrossSection(sketch.polygon(tolerance), manifold3d.FillRule.EvenOdd)
-
-
-def _assembled(parts: Plan, tolerance: float) -> Any:
-    body = _stack(parts.add, tolerance)
+    parts = plan(sketch, thickness, form, chord=tolerance)
+    body = _union(parts.add, tolerance)
     for columns in (parts.cut, parts.hollow):
         if columns:
-            body -= _stack(columns, tolerance)
-    return body
+            body -= _union(columns, tolerance)
+    return _arrays(body)
 
 
-def _stack(columns: Sequence[Column], tolerance: float) -> Any:
-    """The union of columns with vertical walls."""
-    bodies = [
-        _section(slab.sketch, tolerance).extrude(slab.top - slab.bottom).translate((0.0, 0.0, slab.bottom))
-        for column in columns
-        for slab in column.slabs
-    ]
-    return reduce(lambda a, b: a + b, bodies)
+def _union(columns: Sequence[Column], tolerance: float) -> Any:
+    return reduce(lambda a, b: a + b, [_lofted(column, tolerance) for column in columns])
+
+
+def _lofted(column: Column, tolerance: float) -> Any:
+    """The closed body between the lowest and the highest section of a column."""
+    manifold3d = import_module("manifold3d")  # it ships no types that mypy finds
+    heights = [z for z, _ in column.profile]
+    loops = [_polygons(sections, tolerance) for sections in zip(*column.sections, strict=True)]
+    sizes = [len(polygons[0]) for polygons in loops]
+    starts, count = np.cumsum([0, *sizes]), sum(sizes)
+    levels = [np.concatenate([polygons[k] for polygons in loops]) for k in range(len(heights))]
+    vertices = np.concatenate([np.c_[points, np.full(count, z)] for points, z in zip(levels, heights, strict=True)])
+    here = np.arange(count)
+    after = np.concatenate([start + np.roll(np.arange(size), -1) for start, size in zip(starts, sizes, strict=False)])
+    ring = np.concatenate([np.c_[here, after, after + count], np.c_[here, after + count, here + count]])
+    walls = [ring + k * count for k in range(len(heights) - 1)]
+    floor, roof = (
+        np.asarray(manifold3d.triangulate([polygons[k] for polygons in loops]), dtype=np.int64) for k in (0, -1)
+    )
+    triangles = np.concatenate([floor[:, ::-1], *walls, roof + (len(heights) - 1) * count])
+    return manifold3d.Manifold(manifold3d.Mesh64(vertices, triangles.astype(np.uint64)))
+
+
+def _polygons(sections: Sequence[Loop], tolerance: float) -> list[Floats]:
+    """One polygon (n, 2) for each section of one loop, its corners the same shares of the same edges."""
+    counts = np.max([[len(trace) - 1 for trace in loop.traces(tolerance)] for loop in sections], axis=0)
+    found = []
+    for loop in sections:
+        e = loop.edges
+        z = [points_along(e.take(slice(i, i + 1)), np.arange(n) / n) for i, n in enumerate(counts.tolist())]
+        points = np.concatenate(z)
+        found.append(np.c_[points.real, points.imag])
+    return found
 
 
 def _turned(half: Sketch, revolve: Revolve, tolerance: float) -> Any:
     """A chord over the angle a of the widest circle, of radius R, is R (1 - cos(a / 2)) from it: about R a^2 / 8."""
-    radius = half.bounds[2]
-    segments = max(12, ceil(2 * pi / sqrt(8 * min(tolerance / radius, 0.1))))
-    return _section(half, tolerance).revolve(segments, revolve.degrees)
-
-
-def _tessellated(found: Sequence[Any], tolerance: float) -> Any:
-    """One closed body of OpenCASCADE solids."""
     manifold3d = import_module("manifold3d")
-    bodies = []
-    for solid in found:
-        import_module("OCP.BRepMesh").BRepMesh_IncrementalMesh(solid, tolerance, False, TURN, False)
-        vertices, triangles, count = [], [], 0
-        for face in explored(solid, "FACE"):
-            corners, facets = _facets(face)
-            vertices.append(corners)
-            triangles.append(facets + count)
-            count += len(corners)
-        soup = manifold3d.Mesh64(np.concatenate(vertices), np.concatenate(triangles).astype(np.uint64))
-        soup.merge()
-        bodies.append(manifold3d.Manifold(soup))
-    return reduce(lambda a, b: a + b, bodies)
-
-
-def _facets(face: Any) -> Mesh:
-    """The triangulation that OpenCASCADE keeps with a face, outward."""
-    location = import_module("OCP.TopLoc").TopLoc_Location()
-    tool = import_module("OCP.BRep").BRep_Tool
-    found = tool.Triangulation_s(face, location)
-    if found is None:
-        raise ExportError("the CAD kernel could not mesh a face of the part: another chord tolerance may work")
-    move = location.Transformation()
-    nodes = [found.Node(i).Transformed(move) for i in range(1, found.NbNodes() + 1)]
-    corners = np.array([(p.X(), p.Y(), p.Z()) for p in nodes])
-    facets = np.array([found.Triangle(i).Get() for i in range(1, found.NbTriangles() + 1)], dtype=np.int64) - 1
-    backwards = face.Orientation() == import_module("OCP.TopAbs").TopAbs_Orientation.TopAbs_REVERSED
-    return corners, facets[:, ::-1] if backwards else facets
+    segments = max(12, ceil(2 * pi / sqrt(8 * min(tolerance / half.bounds[2], 0.1))))
+    section = manifold3d.CrossSection(half.polygon(tolerance), manifold3d.FillRule.EvenOdd)
+    return section.revolve(segments, revolve.degrees)
 
 
 def _arrays(body: Any) -> Mesh:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from itertools import product
 from math import pi, tan
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from d4cad.errors import ExportError, GeometryError
 from d4cad.exporters.inset import inset
-from d4cad.exporters.occ import faces, kernel_errors, require_kernel
+from d4cad.exporters.occ import compound, faces, kernel_errors, require_kernel
 from d4cad.loop import Circle, Loop, Point
 from d4cad.sketch import Face, Sketch
 
@@ -43,10 +44,10 @@ def _left(island: Sketch, wall: float) -> tuple[Face, ...]:
     wanted = _polygon_area(island, wall)
     if wanted <= FINE * island.length:
         return ()
-    for factor in RETRIES:
+    for factor, attempt in product(RETRIES, (_offset_whole, _offset_parts)):
         try:
             with kernel_errors():
-                found = Sketch.from_loops(_offset_loops(island, wall * factor), island.unit)
+                found = Sketch.from_loops(attempt(island, wall * factor), island.unit)
         except (ExportError, GeometryError):
             continue
         if abs(found.area - wanted) <= 0.01 * wanted + FINE * found.length:
@@ -64,11 +65,36 @@ def _polygon_area(sketch: Sketch, wall: float) -> float:
     return float(section.offset(-wall, manifold3d.JoinType.Round, 2.0, 256).area())
 
 
-def _offset_loops(sketch: Sketch, wall: float) -> list[Loop]:
-    api, join = import_module("OCP.BRepOffsetAPI"), import_module("OCP.GeomAbs").GeomAbs_JoinType
-    (face,) = faces(sketch)
-    maker = api.BRepOffsetAPI_MakeOffset(face, join.GeomAbs_Arc, False)
-    maker.Perform(-wall)
+def _offset_whole(island: Sketch, wall: float) -> list[Loop]:
+    """All loops at once, which fails where moved loops meet."""
+    return _kernel_offset(island, -wall)
+
+
+def _offset_parts(island: Sketch, wall: float) -> list[Loop]:
+    """Every loop on its own, then the grown holes are cut out."""
+    (face,) = island.faces
+    left = compound(faces(_moved(face.outer, -wall)))
+    for hole in face.holes:
+        maker = import_module("OCP.BRepAlgoAPI").BRepAlgoAPI_Cut(left, compound(faces(_moved(hole.reversed(), wall))))
+        if not maker.IsDone():
+            raise ExportError("the CAD kernel could not cut a hole out of a hollow")
+        left = maker.Shape()
+    return [_loop(wire) for wire in explored(left, "WIRE")]
+
+
+def _moved(outline: Loop, distance: float) -> Sketch:
+    """The region within a counter-clockwise loop, grown by ``distance`` (shrunk if negative) with round corners."""
+    circle = outline.circle
+    if circle is not None and circle.radius + distance > 0:
+        return Sketch.from_loops([Circle(circle.center, circle.radius + distance).loop()], "mm")
+    return Sketch.from_loops(_kernel_offset(Sketch((Face(outline),), "mm"), distance), "mm")
+
+
+def _kernel_offset(island: Sketch, distance: float) -> list[Loop]:
+    join = import_module("OCP.GeomAbs").GeomAbs_JoinType
+    (face,) = faces(island)
+    maker = import_module("OCP.BRepOffsetAPI").BRepOffsetAPI_MakeOffset(face, join.GeomAbs_Arc, False)
+    maker.Perform(distance)
     if not maker.IsDone():
         raise ExportError("the CAD kernel made no offset")
     return [_loop(wire) for wire in explored(maker.Shape(), "WIRE")]

@@ -64,14 +64,14 @@ class Column:
             yield Slab(inset(self.sketch, first), low, high, (last - first) / (high - low))
 
     @property
+    def sections(self) -> list[tuple[Loop, ...]]:
+        """The loops at every height of the profile."""
+        return [tuple(moved(loop, distance) for loop in self.sketch.loops) for _, distance in self.profile]
+
+    @property
     def volume(self) -> float:
         """mm^3, exact."""
         return sum(slab.volume for slab in self.slabs)
-
-    @property
-    def straight(self) -> bool:
-        """Whether all its walls are vertical."""
-        return all(found == self.profile[0][1] for _, found in self.profile)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,21 +107,17 @@ class Plan:
     roundings: tuple[Rounding, ...] = ()
     hollow: tuple[Column, ...] = ()
 
-    @property
-    def straight(self) -> bool:
-        """Whether the solid has only vertical walls and level faces."""
-        return not self.roundings and all(column.straight for column in (*self.add, *self.cut, *self.hollow))
 
-
-def plan(sketch: Sketch, thickness: float, form: Form) -> Plan:
+def plan(sketch: Sketch, thickness: float, form: Form, chord: float | None = None) -> Plan:
     """The columns of a form of the sketch (mm) that is not revolved; plain parts are from z = 0 to ``thickness`` mm.
 
+    ``chord``: mm; with one, fillets are polygons within it and part of the columns, without one they are roundings.
     Raises InputError, one sentence with the value that would fit, where the form does not fit the sketch.
     """
     require_mm(sketch)
     if form.relief is not None:
         return _relief(sketch, form.relief, thickness)
-    return _extruded(sketch, require_thickness(thickness), form)
+    return _extruded(sketch, require_thickness(thickness), form, chord)
 
 
 def _relief(sketch: Sketch, relief: Emboss | Engrave, thickness: float) -> Plan:
@@ -141,7 +137,7 @@ def _upright(sketch: Sketch, bottom: float, top: float) -> Column:
     return Column(sketch, ((bottom, 0.0), (top, 0.0)))
 
 
-def _extruded(sketch: Sketch, height: float, form: Form) -> Plan:
+def _extruded(sketch: Sketch, height: float, form: Form, chord: float | None) -> Plan:
     slope = form.slope
     summit = _drafted(sketch, height, form)
     depths = _depths(sketch, form.pockets)
@@ -153,7 +149,7 @@ def _extruded(sketch: Sketch, height: float, form: Form) -> Plan:
     floors = {_pocket(sketch, hole): depth for hole, depth in depths.items()}
     ground = _without(sketch, floors)
     rim = form.rim
-    if isinstance(rim, Fillet) and slope:
+    if isinstance(rim, Fillet) and slope and chord is None:
         _require_tame_corners(sketch)
     top = rim if rim is not None and rim.edges != "bottom" else None
     bottom = rim if rim is not None and rim.edges != "top" else None
@@ -163,33 +159,39 @@ def _extruded(sketch: Sketch, height: float, form: Form) -> Plan:
         _require_inset(summit, top, slope)
     if bottom is not None:
         _require_inset(ground, bottom, -slope)
-    bevels = (bottom if isinstance(bottom, Chamfer) else None, top if isinstance(top, Chamfer) else None)
-    body = Column(ground, _profile(0.0, height, slope, *bevels))
+    low, high = _bevel(bottom, -slope, chord), _bevel(top, slope, chord)
+    body = Column(ground, _profile(0.0, height, slope, low, high))
     cut = tuple(
-        Column(
-            Sketch((tool,), "mm"), tuple((z, -d) for z, d in _profile(height - depth, height, slope, None, bevels[1]))
-        )
+        Column(Sketch((tool,), "mm"), tuple((z, -d) for z, d in _profile(height - depth, height, slope, [], high)))
         for tool, depth in floors.items()
     )
     roundings = []
-    if isinstance(top, Fillet):
+    if isinstance(top, Fillet) and chord is None:
         roundings.append(Rounding(summit, height, slope, top))
-    if isinstance(bottom, Fillet):
+    if isinstance(bottom, Fillet) and chord is None:
         roundings.append(Rounding(ground, 0.0, -slope, bottom))
     hollow = () if form.shell is None else (_hollow(ground, height, form, form.shell),)
     return Plan((body,), cut, tuple(roundings), hollow)
 
 
-def _profile(low: float, high: float, slope: float, bottom: Chamfer | None, top: Chamfer | None) -> Profile:
-    """Of walls that lean by ``slope`` from z = 0 on, between two heights, with bevelled ends."""
-    points = [(low, slope * low), (high, slope * high)]
-    if bottom is not None:
-        inwards, up = bottom.reach(-slope)
-        points[:1] = [(low, slope * low + inwards), (low + up, slope * (low + up))]
-    if top is not None:
-        inwards, down = top.reach(slope)
-        points[-1:] = [(high - down, slope * (high - down)), (high, slope * high + inwards)]
-    return tuple(points)
+def _bevel(rim: Fillet | Chamfer | None, slope: float, chord: float | None) -> Sequence[tuple[float, float]]:
+    """(inset, level) of a rim that is part of the columns."""
+    if isinstance(rim, Chamfer):
+        return rim.points(slope, 0.0)
+    return [] if rim is None or chord is None else rim.points(slope, chord)
+
+
+def _profile(
+    low: float,
+    high: float,
+    slope: float,
+    bottom: Sequence[tuple[float, float]],
+    top: Sequence[tuple[float, float]],
+) -> Profile:
+    """Of walls that lean by ``slope`` from z = 0 on, between two heights, with bevels (inset, level) at the ends."""
+    start = [(low + level, slope * low + found) for found, level in bottom] or [(low, slope * low)]
+    end = [(high - level, slope * high + found) for found, level in reversed(top)] or [(high, slope * high)]
+    return (*start, *end)
 
 
 def _drafted(sketch: Sketch, height: float, form: Form) -> Sketch:

@@ -54,7 +54,7 @@ def _snapped(loop: Loop) -> Loop:
 
 
 def swept_volume(sketch: Sketch, angle: float) -> float:
-    """mm^3 of the turned sketch, by Pappus: the angle times the integral of x over the area, that of x^2 / 2 dy around."""
+    """mm^3 of the turned sketch, by Pappus: the angle times the integral of x over the area, or of x^2 / 2 dy."""
     moment = 0.0
     for loop in sketch.loops:
         e = loop.edges.take((slice(None), None))

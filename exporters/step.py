@@ -34,7 +34,8 @@ def write_step(
     """Writes the sketch (mm), extruded from z = 0 to ``thickness`` mm, as a STEP file whose bytes are reproducible.
 
     ``form``: what else than extruded. ``name``: the product's. ``schema``: AP214, or AP242. Raises InputError for a bad
-    thickness or unit, or a form that does not fit, ExportError if the kernel is missing or fails, or the file cannot be written.
+    thickness or unit, or a form that does not fit, ExportError if the kernel is missing or fails, or the file cannot
+    be written.
     """
     if schema not in SCHEMAS:
         raise ExportError(f"unknown STEP schema {schema!r}: known are {', '.join(SCHEMAS)}")
