@@ -32,9 +32,13 @@ Profile = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, slots=True)
 class Slab:
-    """A prism with leaning walls: ``sketch`` at height ``bottom``, its edges moving inwards by ``slope`` mm per mm."""
+    """A prism with leaning walls from ``bottom`` to ``top``, its edges moving inwards by ``slope`` mm per mm upwards.
+
+    ``sketch``: its section at ``level``, which is bottom or top.
+    """
 
     sketch: Sketch
+    level: float
     bottom: float
     top: float
     slope: float
@@ -43,11 +47,10 @@ class Slab:
     def volume(self) -> float:
         """mm^3, exact."""
         height = self.top - self.bottom
-        return (
-            _integral(lambda z: _area(self.sketch, self.slope * z), height)
-            if self.slope
-            else (self.sketch.area * height)
-        )
+        if not self.slope:
+            return self.sketch.area * height
+        away = self.slope if self.level == self.bottom else -self.slope
+        return _integral(lambda z: _area(self.sketch, away * z), height)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +64,9 @@ class Column:
     def slabs(self) -> Iterator[Slab]:
         """From the lowest to the highest."""
         for (low, first), (high, last) in zip(self.profile, self.profile[1:], strict=False):
-            yield Slab(inset(self.sketch, first), low, high, (last - first) / (high - low))
+            # the section nearer to the outline, so that slabs that touch there have the very same edges
+            level, distance = (high, last) if abs(last) < abs(first) else (low, first)
+            yield Slab(inset(self.sketch, distance), level, low, high, (last - first) / (high - low))
 
     @property
     def sections(self) -> list[tuple[Loop, ...]]:

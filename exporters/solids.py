@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib import import_module
-from math import atan
+from math import atan, isclose
 from typing import Any
 
 from d4cad.errors import ExportError
@@ -58,12 +58,13 @@ def solids_of(sketch: Sketch, thickness: float, form: Form = PLAIN) -> list[Any]
 
 def _checked(found: list[Any], wanted: float, form: Form) -> list[Any]:
     """The solids, if they are valid and have the volume that they must have."""
+    found = [_mended(solid) for solid in found]
     made = sum(map(volume, found))
     if found and all(map(is_valid, found)) and abs(made - wanted) <= EXACT * wanted:
         return found
+    wrong = "an invalid solid" if isclose(made, wanted, rel_tol=EXACT) else f"{made:.6g} mm^3 of {wanted:.6g} mm^3"
     raise ExportError(
-        f"the CAD kernel failed at {' and '.join(form.names)}: it made {made:.6g} mm^3 of {wanted:.6g} mm^3;"
-        " slightly other sizes often work"
+        f"the CAD kernel failed at {' and '.join(form.names)} and made {wrong}: a slightly smaller size often works"
     )
 
 
@@ -84,7 +85,7 @@ def _cut(found: list[Any], columns: Sequence[Column]) -> list[Any]:
 def _boolean(name: str, a: Any, b: Any) -> Any:
     maker = getattr(import_module("OCP.BRepAlgoAPI"), f"BRepAlgoAPI_{name}")(a, b)
     if not maker.IsDone():
-        raise ExportError(f"the CAD kernel failed to {name.lower()} two bodies; slightly other sizes often work")
+        raise ExportError(f"the CAD kernel failed to {name.lower()} two bodies: a slightly smaller size often works")
     return maker.Shape()
 
 
@@ -94,17 +95,18 @@ def _slab(slab: Slab) -> list[Any]:
     lift = gp.gp_Trsf()
     lift.SetTranslation(gp.gp_Vec(0.0, 0.0, slab.bottom))
     upright = solids(slab.sketch, slab.top - slab.bottom)
-    return [(_leaning(solid, slab.slope) if slab.slope else solid).Moved(location(lift)) for solid in upright]
+    hinge = slab.level - slab.bottom
+    return [(_leaning(solid, slab.slope, hinge) if slab.slope else solid).Moved(location(lift)) for solid in upright]
 
 
-def _leaning(solid: Any, slope: float) -> Any:
-    """A prism on z = 0 whose walls are turned about their lower edges."""
+def _leaning(solid: Any, slope: float, hinge: float) -> Any:
+    """A prism on z = 0 whose walls are turned about their edges at z = ``hinge``."""
     gp = import_module("OCP.gp")
-    up, ground = gp.gp_Dir(0, 0, 1), gp.gp_Pln(gp.gp_Pnt(0, 0, 0), gp.gp_Dir(0, 0, 1))
+    up, neutral = gp.gp_Dir(0, 0, 1), gp.gp_Pln(gp.gp_Pnt(0, 0, hinge), gp.gp_Dir(0, 0, 1))
     maker = import_module("OCP.BRepOffsetAPI").BRepOffsetAPI_DraftAngle(solid)
     for face in explored(solid, "FACE"):
         if _level(face) is None:
-            maker.Add(face, up, atan(slope), ground)
+            maker.Add(face, up, atan(slope), neutral)
             if not maker.AddDone():
                 break
     else:
