@@ -234,6 +234,18 @@ def test_rims_of_corners_agree_with_the_mesh(shape: Sketch, rim: Fillet | Chamfe
     assert volume(shape, Form(rim=rim)) == pytest.approx(mesh.volume, rel=1e-3)
 
 
+@pytest.mark.parametrize("form", [Form(draft=TURN), Form(rim=Chamfer(1.0, "both")), Form(rim=Fillet(1.0))])
+@pytest.mark.parametrize("seed", range(3))
+def test_nearly_tangent_edges(form: Form, seed: int) -> None:
+    """Outlines from pictures: rounds that miss their tangents by 0.01 mm, and the kernel's checker is strict."""
+    (loop,), rng = rounded().loops, np.random.default_rng(seed)
+    shape = sketch(Loop.from_arrays(np.array(loop.points) + rng.normal(0, 0.01, (8, 2)), np.array(loop.bulges)))
+    vertices, triangles = form_mesh(shape, H, 1e-3, form)
+    mesh = trimesh.Trimesh(vertices, triangles, process=False)
+    assert mesh.is_watertight
+    assert volume(shape, form) == pytest.approx(mesh.volume, rel=1e-3)
+
+
 @pytest.mark.parametrize("extension", [".step", ".brep", ".stl"])
 def test_round_trip(extension: str, tmp_path: Path) -> None:
     path, form = tmp_path / f"part{extension}", Form([Pocket(2.0, 2)], draft=radians(1), rim=Chamfer(0.5))
