@@ -11,6 +11,7 @@ from d4cad.errors import ExportError, InputError
 from d4cad.exporters.brep import write_brep
 from d4cad.exporters.color import rgb
 from d4cad.exporters.dxf import write_dxf
+from d4cad.exporters.form import PLAIN, Form
 from d4cad.exporters.glb import write_glb
 from d4cad.exporters.kerf import require_kerf
 from d4cad.exporters.mesh import CHORD_TOLERANCE, require_tolerance
@@ -23,16 +24,16 @@ from d4cad.exporters.threemf import write_3mf
 from d4cad.files import check_writable
 from d4cad.sketch import Sketch
 
-__all__ = ["CHORD_TOLERANCE", "EXTENSIONS", "SOURCES", "Options", "check", "heeded", "takers", "write"]
+__all__ = ["CHORD_TOLERANCE", "EXTENSIONS", "SOURCES", "Form", "Options", "check", "heeded", "takers", "write"]
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What a file may be given beyond its outline; None: not given.
+    """What a file may be given beyond its outline; None: not given, nor is a plain form.
 
     name: of the part. schema: of STEP, AP214 or AP242. color: #rrggbb or a CSS name. tolerance: mm, of a mesh's facets
     from the exact walls. kerf: mm that a cutter takes away, for drawings. style: of SVG, fill or cut. dialect: of
-    source code in Python, build123d, build123d-algebra or cadquery.
+    source code in Python, build123d, build123d-algebra or cadquery. form: of solids, beyond the plain extrude.
     Raises InputError, or ExportError for the schema, where a value cannot be used.
     """
 
@@ -43,6 +44,7 @@ class Options:
     kerf: float | None = None
     style: str | None = None
     dialect: str | None = None
+    form: Form | None = None
 
     def __post_init__(self) -> None:
         if self.schema is not None:
@@ -62,7 +64,7 @@ class Options:
     def given(self) -> dict[str, Any]:
         """The options that are given, by name."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
-        return {name: value for name, value in values.items() if value is not None}
+        return {name: value for name, value in values.items() if value is not None and value != PLAIN}
 
 
 Write = Callable[..., None]
@@ -83,15 +85,15 @@ def _takes(names: str) -> frozenset[str]:
     return frozenset(names.split())
 
 
-_STEP = Writer(write_step, _takes("name schema color"), kernel=True)
+_STEP = Writer(write_step, _takes("name schema color form"), kernel=True)
 
 WRITERS = {
     ".step": _STEP,
     ".stp": _STEP,
-    ".brep": Writer(write_brep, kernel=True),
-    ".stl": Writer(write_stl, _takes("tolerance")),
-    ".3mf": Writer(write_3mf, _takes("name color tolerance")),
-    ".glb": Writer(write_glb, _takes("name color tolerance")),
+    ".brep": Writer(write_brep, _takes("form"), kernel=True),
+    ".stl": Writer(write_stl, _takes("tolerance form")),
+    ".3mf": Writer(write_3mf, _takes("name color tolerance form")),
+    ".glb": Writer(write_glb, _takes("name color tolerance form")),
     ".py": Writer(write_python, _takes("name dialect")),
     ".scad": Writer(write_scad, _takes("name tolerance")),
     ".dxf": Writer(write_dxf, _takes("kerf"), solid=False),
@@ -116,6 +118,7 @@ def write(
     kerf: float | None = None,
     style: str | None = None,
     dialect: str | None = None,
+    form: Form | None = None,
 ) -> None:
     """Writes a sketch (mm) to ``path`` as its extension says; the file appears whole or not at all.
 
@@ -123,12 +126,12 @@ def write(
     of STEP, AP214 (default) or AP242. ``color``: #rrggbb or a CSS name. ``tolerance``: mm, of the facets of a mesh,
     CHORD_TOLERANCE by default. ``kerf``: mm that a cutter takes away, see :func:`d4cad.exporters.kerf.compensated`.
     ``style``: of SVG, "fill" (default) or "cut". ``dialect``: of a .py file, build123d (default), build123d-algebra or
-    cadquery.
+    cadquery. ``form``: how a solid is made, by default extruded.
     Raises ExportError for an unknown extension or schema, a missing or failing CAD kernel and an unwritable file,
     InputError for a bad value or unit and for an option that the format cannot hold.
     """
     path = Path(path)
-    options = Options(name, schema, color, tolerance, kerf, style, dialect)
+    options = Options(name, schema, color, tolerance, kerf, style, dialect, form)
     writer = _checked(path, options)
     keywords = options.given
     if "name" in writer.takes:

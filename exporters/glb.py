@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from d4cad.exporters.color import linear
+from d4cad.exporters.form import PLAIN, Form
 from d4cad.exporters.mesh import CHORD_TOLERANCE, mesh
 from d4cad.exporters.names import printable
 from d4cad.files import replacing
@@ -26,15 +27,16 @@ def write_glb(
     tolerance: float = CHORD_TOLERANCE,
     name: str = "part",
     color: str | None = None,
+    form: Form = PLAIN,
 ) -> None:
-    """Writes the sketch (mm), extruded from z = 0, as a binary glTF file whose bytes are reproducible.
+    """Writes the sketch (mm), by default extruded from z = 0, as a binary glTF file whose bytes are reproducible.
 
     glTF is in metres with y up: (x, y, z) mm here is (x, z, -y) / 1000 there, so that the part lies on the ground and
     its top faces up. ``name``: the node's and mesh's. ``color``: #rrggbb or a CSS name. Raises as
     :func:`d4cad.exporters.mesh.mesh` does, and InputError for an unknown colour.
     """
     light = [*linear(GREY if color is None else color), 1.0]
-    vertices, triangles = mesh(sketch, thickness, tolerance)
+    vertices, triangles = mesh(sketch, thickness, tolerance, form)
     x, y, z = vertices.T / 1000
     trimesh = import_module("trimesh")
     body = trimesh.Trimesh(np.stack([x, z, -y], axis=1), triangles, process=False)

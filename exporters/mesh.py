@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from d4cad.errors import ExportError, InputError
+from d4cad.exporters.form import PLAIN, Form
+from d4cad.exporters.form_mesh import form_mesh
 from d4cad.exporters.occ import require_mm, require_thickness
 from d4cad.sketch import Sketch
 
@@ -26,8 +28,8 @@ def require_tolerance(tolerance: float) -> float:
     return float(tolerance)
 
 
-def mesh(sketch: Sketch, thickness: float, tolerance: float = CHORD_TOLERANCE) -> Mesh:
-    """The sketch (mm) extruded from z = 0 to ``thickness`` mm, as a closed mesh in mm.
+def mesh(sketch: Sketch, thickness: float, tolerance: float = CHORD_TOLERANCE, form: Form = PLAIN) -> Mesh:
+    """The sketch (mm) from z = 0 to ``thickness`` mm, extruded or in another form, as a closed mesh in mm.
 
     ``tolerance``: largest distance in mm of the facets from the exact walls. Raises InputError for a bad thickness,
     tolerance or unit, ExportError if no closed mesh results.
@@ -35,6 +37,8 @@ def mesh(sketch: Sketch, thickness: float, tolerance: float = CHORD_TOLERANCE) -
     manifold3d = import_module("manifold3d")  # it ships no types that mypy finds
     height = require_thickness(thickness)
     require_mm(sketch)
+    if form != PLAIN:
+        return form_mesh(sketch, height, require_tolerance(tolerance), form)
     # Clipper, behind CrossSection, rounds to some 1e-8 units and has a range: hence sizes are checked above
     section = manifold3d.CrossSection(sketch.polygon(require_tolerance(tolerance)), manifold3d.FillRule.EvenOdd)
     solid = section.extrude(height)

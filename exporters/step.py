@@ -11,7 +11,9 @@ from typing import Any
 
 from d4cad.errors import ExportError
 from d4cad.exporters.color import Rgb, rgb
-from d4cad.exporters.occ import compound, kernel_errors, solids
+from d4cad.exporters.form import PLAIN, Form
+from d4cad.exporters.occ import compound, kernel_errors
+from d4cad.exporters.solids import solids_of
 from d4cad.files import replacing
 from d4cad.sketch import Sketch
 
@@ -36,16 +38,17 @@ def write_step(
     name: str = "part",
     schema: str = "AP214",
     color: str | None = None,
+    form: Form = PLAIN,
 ) -> None:
-    """Writes the sketch (mm), extruded from z = 0 to ``thickness`` mm, as a STEP file whose bytes are reproducible.
+    """Writes the sketch (mm), by default extruded up to ``thickness`` mm, as a STEP file whose bytes are reproducible.
 
-    ``name``: the product's. ``schema``: AP214, or AP242. ``color``: of every solid, #rrggbb or a CSS name. Raises
-    InputError for a bad thickness, unit or colour, ExportError if the kernel is missing or fails, or the file cannot
-    be written.
+    ``name``: the product's. ``schema``: AP214, or AP242. ``color``: of every solid, #rrggbb or a CSS name.
+    ``form``: see :func:`d4cad.exporters.solids.solids_of`. Raises InputError for a bad thickness, unit or colour or a
+    form that does not fit, ExportError if the kernel is missing or fails, or the file cannot be written.
     """
     require_schema(schema)
     shade = None if color is None else rgb(color)
-    shape = compound(solids(sketch, thickness))
+    shape = compound(solids_of(sketch, thickness, form))
     text = _settled(_text(shape, schema), name)
     if shade is not None:
         text = _colored(text, shade)

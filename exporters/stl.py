@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from d4cad.exporters.form import PLAIN, Form
 from d4cad.exporters.mesh import CHORD_TOLERANCE, mesh
 from d4cad.files import replacing
 from d4cad.sketch import Sketch
@@ -14,9 +15,11 @@ TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribu
 """One facet of a binary STL file, 50 bytes."""
 
 
-def write_stl(sketch: Sketch, path: str | Path, *, thickness: float, tolerance: float = CHORD_TOLERANCE) -> None:
-    """Writes the sketch (mm), extruded from z = 0, as a binary STL file in mm; raises as `mesh.mesh` does."""
-    vertices, triangles = mesh(sketch, thickness, tolerance)
+def write_stl(
+    sketch: Sketch, path: str | Path, *, thickness: float, tolerance: float = CHORD_TOLERANCE, form: Form = PLAIN
+) -> None:
+    """Writes the sketch (mm), by default extruded from z = 0, as a binary STL file; raises as `mesh.mesh` does."""
+    vertices, triangles = mesh(sketch, thickness, tolerance, form)
     corners = vertices[triangles]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     facets = np.zeros(len(triangles), TRIANGLE)

@@ -9,6 +9,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from d4cad.exporters.color import hexadecimal
+from d4cad.exporters.form import PLAIN, Form
 from d4cad.exporters.mesh import CHORD_TOLERANCE, Mesh, mesh
 from d4cad.exporters.names import printable
 from d4cad.files import replacing
@@ -37,13 +38,14 @@ def write_3mf(
     tolerance: float = CHORD_TOLERANCE,
     name: str = "part",
     color: str | None = None,
+    form: Form = PLAIN,
 ) -> None:
-    """Writes the sketch (mm), extruded from z = 0, as a 3MF file in mm whose bytes are reproducible.
+    """Writes the sketch (mm), by default extruded from z = 0, as a 3MF file in mm whose bytes are reproducible.
 
     ``name``: the object's. ``color``: #rrggbb or a CSS name. Raises as :func:`d4cad.exporters.mesh.mesh` does, and
     InputError for an unknown colour. https://github.com/3MFConsortium/spec_core
     """
-    model = _model(mesh(sketch, thickness, tolerance), printable(name), color)
+    model = _model(mesh(sketch, thickness, tolerance, form), printable(name), color)
     buffer = BytesIO()
     with zipfile.ZipFile(buffer, "w") as package:
         for member, text in (

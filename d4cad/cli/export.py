@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from d4cad.cli import forms
 from d4cad.cli.options import (
     Color,
     Dialect,
@@ -45,12 +46,27 @@ def export(
     kerf: Kerf = None,
     style: Style = None,
     dialect: Dialect = None,
+    pocket: forms.PocketOption = None,
+    emboss: forms.EmbossOption = None,
+    engrave: forms.EngraveOption = None,
+    base: forms.Base = None,
+    margin: forms.Margin = None,
+    draft: forms.Draft = None,
+    fillet: forms.FilletOption = None,
+    chamfer: forms.ChamferOption = None,
+    rim: forms.Rim = None,
+    revolve: forms.RevolveOption = False,
+    angle: forms.Angle = None,
+    axis: forms.Axis = None,
+    shell: forms.ShellOption = None,
+    open_side: forms.Open = None,
+    list_loops: forms.ListLoops = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
     """Write CAD files from a program file. Size, origin and thickness are the file's unless given.
 
-    Each of name, color, schema, tolerance, kerf and style goes to the outputs whose format can hold it.
+    Options that a format cannot hold, such as the kerf of a solid or the fillet of a drawing, go to the other outputs.
     """
     with reported():
         from d4cad.exporters import Options
@@ -58,15 +74,36 @@ def export(
         from d4cad.placement import Placement
 
         Placement(width, scale, dpi, "corner" if origin is None else origin, thickness)
+        form = forms.form_of(
+            pocket=pocket,
+            emboss=emboss,
+            engrave=engrave,
+            base=base,
+            margin=margin,
+            draft=draft,
+            fillet=fillet,
+            chamfer=chamfer,
+            rim=rim,
+            revolve=revolve,
+            angle=angle,
+            axis=axis,
+            shell=shell,
+            open_side=open_side,
+        )
         outputs = output or []
-        if not outputs:
+        if list_loops and outputs:
+            raise D4cadError("--list-loops writes nothing: leave it or -o out")
+        if not (outputs or list_loops):
             raise D4cadError("there is nothing to write: name a file with -o")
-        options = Options(name, schema, color, tolerance, kerf, style, dialect)
+        options = Options(name, schema, color, tolerance, kerf, style, dialect, form)
         check_outputs(outputs, None, None, options)
         from d4cad.fit import load_program
 
         found = load_program(program)
         placement = found.placement(width, scale, dpi, origin, thickness)
+        if list_loops:
+            typer.echo(forms.loops_text(placement.place(found.outline, found.canvas), as_json=as_json))
+            return
         notes = () if kerf is None else losses(placement.place(found.outline, found.canvas), kerf)
         write(found, placement, outputs, None, options)
         report(found, placement, outputs, None, quiet=quiet, as_json=as_json, notes=notes)
