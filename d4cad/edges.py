@@ -207,6 +207,8 @@ def neighbour_meetings(a: Edges, c: Edges, touch: float) -> tuple[Bools, Complex
     q = points_at(a, np.clip(t, 0.0, 1.0))
     apart = 1e3 * touch
     found = (t >= 0) & (t <= 1) & (np.abs(q - a.z1) > apart) & (distances(c, q) <= touch)
+    # between the tangent sides of a cusp rounding leaves crossings, with less than ``touch`` in between
+    found &= distances(c, points_at(a, (np.clip(t, 0.0, 1.0) + 1) / 2)) > touch
     met, where = _note(np.zeros(a.b.shape, dtype=np.bool_), np.array(a.z0, copy=True), found, q)
     closed = np.abs(a.z0 - c.z1) <= touch  # two edges that share both vertices
     for end, other in ((a.z0, c), (c.z1, a)):
