@@ -51,7 +51,7 @@ def cut_edges(loops: Sequence[Loop]) -> tuple[Network, Pieces]:
     box = boxes(e)
     touch = ROUNDING * float((box[:, 2:].max(axis=0) - box[:, :2].min(axis=0)).max())
     edge, point = _hits(e, box, touch)
-    node, at = _nodes(np.concatenate([e.z0, point]), touch)
+    node, at = nodes(np.concatenate([e.z0, point]), touch)
     n = e.b.size
     rows = np.concatenate([np.arange(n), np.arange(n), edge])
     names = np.concatenate([node[:n], node[following], node[n:]])
@@ -130,7 +130,7 @@ def shares(e: Edges, q: Complexes) -> Floats:
     return np.asarray(np.arctan2(near * np.sin(half), far + near * np.cos(half)) / half)
 
 
-def _nodes(points: Complexes, touch: float) -> tuple[Ints, Complexes]:
+def nodes(points: Complexes, touch: float) -> tuple[Ints, Complexes]:
     """The node of each point, and the positions of nodes: points within ``touch``, also by way of others, are one, at
     the place of the first."""
     flat = np.stack([points.real, points.imag, points.real, points.imag], axis=1)
