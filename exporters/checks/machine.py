@@ -8,13 +8,14 @@ from importlib import import_module
 import numpy as np
 
 from d4cad.booleans import intersection
-from d4cad.edges import Complexes, Edges, Floats, distances, nearest_on_circle, within_sweep
+from d4cad.edges import Complexes, Edges, Floats, distances
 from d4cad.errors import ExportError
 from d4cad.exporters.checks.limits import Limits
 from d4cad.exporters.checks.outline import ENOUGH
 from d4cad.exporters.checks.report import Finding, Place, Status, judged, not_checked
-from d4cad.exporters.checks.spans import centre_lines, edges_and_corners
-from d4cad.exporters.stl import mesh
+from d4cad.exporters.checks.spans import centre_lines, edges_and_corners, nearest, on
+from d4cad.exporters.stl import mesh as extruded
+from d4cad.loop import ROUNDING
 from d4cad.sketch import Sketch
 
 ANGLES = 720
@@ -32,7 +33,7 @@ def watertight(sketch: Sketch, limits: Limits) -> Finding:
     except ImportError as error:
         return not_checked(name, f"{error.name} is not installed", "")
     try:
-        vertices, triangles = mesh(sketch, limits.thickness)
+        vertices, triangles = extruded(sketch, limits.thickness)
     except ExportError as error:
         return Finding(name, Status.FAILED, str(error), unit="")
     solid = trimesh.Trimesh(vertices, triangles, process=False)
@@ -118,7 +119,7 @@ def interference(sketch: Sketch, others: Sequence[Sketch], limits: Limits) -> Fi
     area = sum(part.area for part in common)
     places = tuple(Place(*_middle(face.outer.bounds), face.area) for part in common for face in part.faces)
     details = {"volume_mm3": area * limits.thickness}
-    slack = 1e-9 * sketch.area
+    slack = ROUNDING * sketch.area
     text = "no part overlaps another"
     if area > slack:
         text = f"parts overlap by {area:.6g} mm2, {details['volume_mm3']:.6g} mm3"
@@ -135,7 +136,7 @@ def clearance(sketch: Sketch, others: Sequence[Sketch], limits: Limits) -> Findi
     middle = (p + q) / 2
     place = Place(middle.real, middle.imag, length, (q.real, q.imag))
     text = f"the nearest outlines are {length:.3f} mm apart at ({place.x:.2f}, {place.y:.2f})"
-    if any(intersection(sketch, other).area > 1e-9 * sketch.area for other in others):
+    if any(intersection(sketch, other).area > ROUNDING * sketch.area for other in others):
         return Finding(name, Status.FAILED, "the parts overlap", 0.0, limits.min_gap)
     if limits.min_gap is None:
         return Finding(name, Status.NOT_CHECKED, f"no limit was given; {text}", length, None, places=(place,))
@@ -152,26 +153,19 @@ def _nearest(a: Sketch, c: Sketch) -> tuple[float, complex, complex]:
         d = distances(f.take((None, slice(None))), e.z0[:, None])
         k, m = np.unravel_index(int(d.argmin()), d.shape)
         if d[k, m] < best[0]:
-            best = (float(d[k, m]), complex(e.z0[k]), _foot(f.take(slice(int(m), int(m) + 1)), complex(e.z0[k])))
+            foot = nearest(f.take([m]), e.z0[[k]])
+            best = (float(d[k, m]), complex(e.z0[k]), complex(foot[0]))
+    slack = ROUNDING * (a.length + c.length)
     both = Edges(*(np.concatenate(pair) for pair in zip(first, second, strict=True)))
     i, j = (x.ravel() for x in np.meshgrid(np.arange(first.b.size), first.b.size + np.arange(second.b.size)))
     for p, q in zip(*centre_lines(both, i, j), strict=True):
         d = np.abs(q - p)
         near = np.flatnonzero(d < best[0])
-        near = near[within_sweep(both.take(i[near]), p[near]) & within_sweep(both.take(j[near]), q[near])]
+        near = near[on(both.take(i[near]), p[near], slack) & on(both.take(j[near]), q[near], slack)]
         if near.size:
             k = near[d[near].argmin()]
             best = (float(d[k]), complex(p[k]), complex(q[k]))
     return best
-
-
-def _foot(e: Edges, q: complex) -> complex:
-    """The point of one edge nearest to q."""
-    at = np.array([q])
-    foot, _ = nearest_on_circle(e, at)
-    if within_sweep(e, foot)[0]:
-        return complex(foot[0])
-    return complex(min((e.z0[0], e.z1[0]), key=lambda z: abs(z - q)))
 
 
 def _middle(box: tuple[float, float, float, float]) -> tuple[float, float]:

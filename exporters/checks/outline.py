@@ -9,6 +9,7 @@ import numpy as np
 from d4cad.booleans import difference
 from d4cad.cutting import near_pairs
 from d4cad.edges import Complexes, Edges, Floats, boxes, chords, lengths, meetings, neighbour_meetings, points_along
+from d4cad.exporters.checks.inscribed import inscribed
 from d4cad.exporters.checks.limits import Limits
 from d4cad.exporters.checks.report import Finding, Place, Status, judged, not_checked
 from d4cad.exporters.checks.spans import STEP, Spans, edges_and_corners, spans
@@ -58,7 +59,7 @@ def _meetings(loops: Sequence[Loop], e: Edges) -> Complexes:
 
 def minimum_wall(sketch: Sketch, limits: Limits) -> Finding:
     """The least width of material between sides that face each other."""
-    found = spans(sketch.loops, limits.min_wall or 0.0)
+    found = _widths(sketch.loops, limits.min_wall or 0.0)
     return _narrow("minimum wall", "wall", found, limits.min_wall, _step(sketch))
 
 
@@ -70,7 +71,15 @@ def minimum_gap(sketch: Sketch, limits: Limits) -> Finding:
 
 
 def _gaps(sketch: Sketch, limit: float) -> Spans:
-    return spans([loop.reversed() for loop in sketch.loops], limit)
+    return _widths([loop.reversed() for loop in sketch.loops], limit)
+
+
+def _widths(loops: Sequence[Loop], limit: float) -> Spans:
+    """The least width to the left of loops, if there is any, and all that are below the limit; the least first."""
+    facing = spans(loops, limit)
+    alone = inscribed(loops, facing, max(limit, float(facing.length.min(initial=0.0))))
+    both = Spans(*(np.concatenate(pair) for pair in zip(alone, facing, strict=True)))
+    return both.take(np.argsort(both.length, kind="stable")) if alone.length.size else facing
 
 
 def _step(sketch: Sketch) -> float:

@@ -81,24 +81,22 @@ def outward(e: Edges, q: Complexes) -> Complexes:
     return np.asarray(n / np.maximum(np.abs(n), np.finfo(float).tiny))
 
 
-def first_hits(e: Edges, p: Complexes, u: Complexes, slack: float) -> tuple[Floats, Complexes]:
-    """How far rays from p (k,) in the unit directions u (k,) run before they meet an edge (n,), and the outward
-    normals there; infinite where they meet none. Meetings nearer than ``slack`` are the start itself.
+def first_hits(e: Edges, p: Complexes, u: Complexes, slack: float) -> tuple[Floats, Ints]:
+    """How far rays from p (k,) in the unit directions u (k,) run before they meet an edge (n,), and which edge that is;
+    infinite where they meet none. Meetings nearer than ``slack`` are the start itself.
 
     Along a ray q = p + s u the edge's circle Im((z1 - q) conj(q - z0) w) = 0 is a quadratic in s.
     """
-    far, normal = np.full(p.size, np.inf), np.zeros(p.size, dtype=np.complex128)
+    far, edge = np.full(p.size, np.inf), np.zeros(p.size, dtype=np.int64)
     for k in range(0, p.size, 512):
         part = slice(k, k + 512)
-        s, hit = _meet(e, p[part, None], u[part, None], slack)
-        nearest = s.argmin(axis=1)
-        far[part] = s[np.arange(nearest.size), nearest]
-        q = p[part] + np.where(np.isfinite(far[part]), far[part], 0.0) * u[part]
-        normal[part] = np.where(hit.any(axis=1), outward(e.take(nearest), q), 0.0)
-    return far, normal
+        s = _meet(e, p[part, None], u[part, None], slack)
+        edge[part] = s.argmin(axis=1)
+        far[part] = s.min(axis=1)
+    return far, edge
 
 
-def _meet(e: Edges, p: Complexes, u: Complexes, slack: float) -> tuple[Floats, Bools]:
+def _meet(e: Edges, p: Complexes, u: Complexes, slack: float) -> Floats:
     w = e.w
     start, end = p - e.z0, e.z1 - p
     c0, c2 = (w * end * np.conj(start)).imag, -w.imag
@@ -111,9 +109,20 @@ def _meet(e: Edges, p: Complexes, u: Complexes, slack: float) -> tuple[Floats, B
     for s in roots:
         good = np.isfinite(s) & (s > slack) & (c1 * c1 >= 4 * c2 * c0)
         q = p + np.where(good, s, 0.0) * u
-        ends = np.minimum(np.abs(q - e.z0), np.abs(q - e.z1)) <= slack
-        best = np.where(good & (within_sweep(e, q) | ends), np.minimum(best, s), best)
-    return best, np.isfinite(best)
+        best = np.where(good & on(e, q, slack), np.minimum(best, s), best)
+    return best
+
+
+def on(e: Edges, q: Complexes, slack: float) -> Bools:
+    """Whether points q on the circles of edges are on the edges, ends included."""
+    return np.asarray(within_sweep(e, q) | (np.minimum(np.abs(q - e.z0), np.abs(q - e.z1)) <= slack))
+
+
+def nearest(e: Edges, p: Complexes) -> Complexes:
+    """The point of each edge nearest to p."""
+    foot, _ = nearest_on_circle(e, p)
+    end = np.where(np.abs(p - e.z0) <= np.abs(p - e.z1), e.z0, e.z1)
+    return np.asarray(np.where(within_sweep(e, foot), foot, end))
 
 
 def _inward_rays(e: Edges, slack: float) -> Spans:
@@ -146,9 +155,15 @@ def _rays(e: Edges, edge: Ints, share: Floats, slack: float) -> Spans:
     own = e.take(edge)
     p = points_along(own, share)
     u = -outward(own, p)
-    length, normal = first_hits(e, p, u, slack)
-    length = np.where((normal * np.conj(u)).real >= np.cos(FACING), length, np.inf)
-    return Spans(p, p + np.where(np.isfinite(length), length, 0.0) * u, length)
+    length, hit = first_hits(e, p, u, slack)
+    q = p + np.where(np.isfinite(length), length, 0.0) * u
+    faces = np.isfinite(length) & ((outward(e.take(hit), q) * np.conj(u)).real >= np.cos(FACING))
+    flat = (e.b[edge] == 0) & (e.b[hit] == 0)  # at an angle to a line its narrow end may be nearer
+    near = nearest(e.take(hit), p)
+    towards = np.conj(near - p) / np.maximum(np.abs(near - p), np.finfo(float).tiny)
+    flat &= ((u * towards).real >= np.cos(FACING)) & ((outward(e.take(hit), near) * towards).real >= np.cos(FACING))
+    q = np.where(flat, near, q)
+    return Spans(p, q, np.where(faces, np.abs(q - p), np.inf))
 
 
 def _corner_pairs(e: Edges, tangents: Complexes, longest: float, slack: float) -> Spans:
@@ -186,7 +201,7 @@ def _centre_pairs(e: Edges, longest: float, slack: float) -> Spans:
     u = (q - p) / np.abs(q - p)
     faces = (outward(e.take(i), p) * np.conj(u)).real < 0
     faces &= (outward(e.take(j), q) * np.conj(u)).real > 0
-    k = np.flatnonzero(faces & within_sweep(e.take(i), p) & within_sweep(e.take(j), q))
+    k = np.flatnonzero(faces & on(e.take(i), p, slack) & on(e.take(j), q, slack))
     return _free(e, p[k], q[k], slack)
 
 
