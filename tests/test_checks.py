@@ -117,6 +117,23 @@ def test_parallel_walls_are_exact() -> None:
         assert found("minimum wall", sketch, min_wall=0.1).measured == pytest.approx(width, abs=1e-7)
 
 
+@pytest.mark.parametrize("sketch", [FRAME, DUMBBELL, part(disc(5), disc(3, 1)), NOTCHES])
+def test_minimum_wall_agrees_with_manifold3d(sketch: Sketch) -> None:
+    """The distance at which shrinking a fine polygon first changes its topology, by bisection."""
+    manifold3d = import_module("manifold3d")
+    section = manifold3d.CrossSection(sketch.polygon(1e-5), manifold3d.FillRule.EvenOdd)
+
+    def census(width: float) -> tuple[int, int]:
+        rest = section.offset(-width / 2, manifold3d.JoinType.Round, 2.0, 2048)
+        return (0 if rest.is_empty() else len(rest.decompose())), rest.num_contour()
+
+    low, high = 0.0, 8.0
+    while high - low > 1e-3:
+        middle = (low + high) / 2
+        low, high = (middle, high) if census(middle) == census(0.0) else (low, middle)
+    assert found("minimum wall", sketch, min_wall=0.1).measured == pytest.approx(low, abs=5e-3)
+
+
 def test_sharp_corners_are_no_thin_walls() -> None:
     triangle = part(Loop.polyline([(0, 0), (10, 0), (0, 10)]))
     assert found("minimum wall", triangle, min_wall=1.0).status is Status.PASSED

@@ -21,10 +21,10 @@ from d4cad.loop import ROUNDING, Loop
 FACING = np.radians(20.0)
 """Two sides face each other if they are parallel to within this."""
 
-STEP, TURN = 1 / 120, np.radians(4.0)
+STEP, TURN = 1 / 60, np.radians(6.0)
 """Rays start at most this share of the size apart along an edge, and this angle along an arc."""
 
-REFINED = 24
+REFINED = 16
 """So many of the shortest rays are made locally shortest."""
 
 
@@ -129,7 +129,7 @@ def _inward_rays(e: Edges, slack: float) -> Spans:
     """Rays inwards that come out of a side facing theirs; the shortest ones moved to where they are shortest."""
     extent = float(np.abs(e.z0 - e.z0.mean()).max())
     sweep = 4 * np.abs(np.arctan(e.b))
-    count = np.ceil(np.maximum(lengths(e) / (STEP * extent), sweep / TURN)).clip(6, 60).astype(np.int64)
+    count = np.ceil(np.maximum(lengths(e) / (STEP * extent), sweep / TURN)).clip(6, 40).astype(np.int64)
     edge = np.repeat(np.arange(count.size), count + 2)
     place = np.arange(edge.size) - np.repeat(np.cumsum(count + 2) - count - 2, count + 2)
     share = np.clip((place - 0.5) / count[edge], 1e-4, 1 - 1e-4)
