@@ -20,6 +20,7 @@ from d4cad.booleans import difference, intersection, symmetric_difference, union
 from d4cad.cli import app
 from d4cad.cutting import near_pairs
 from d4cad.errors import GeometryError
+from d4cad.exporters import occ
 from d4cad.grammars.arc_line import ArcLine, Structure
 from d4cad.program import Program
 from d4cad.shapes import generate
@@ -103,6 +104,15 @@ def test_known_answers(operation: str, a: Sketch, b: Sketch, area: float, kind: 
     if kind != (1, 0, 5):  # a vertex of the circle may or may not be where they touch
         assert census(found) == kind
     assert found.unit == "mm"
+
+
+@pytest.mark.parametrize(("operation", "a", "b"), [case[:3] for case in KNOWN if case[3] > 0])
+def test_results_are_solids_to_the_cad_kernel(operation: str, a: Sketch, b: Sketch) -> None:
+    """Those with cusps and drawn-back corners too."""
+    found = getattr(booleans, operation)(a, b).scaled(25)
+    bodies = occ.solids(found, 2.0)
+    assert all(occ.is_valid(body) for body in bodies)
+    assert sum(occ.volume(body) for body in bodies) == pytest.approx(2 * found.area, rel=1e-9)
 
 
 def test_any_number_of_parts() -> None:

@@ -34,10 +34,10 @@ def self_intersection(loops: Sequence[Loop]) -> Finding:
     where = [complex(x) for x in _meetings(loops, e)]
     name = "self-intersection"
     if not where:
-        return Finding(name, Status.PASSED, "no loop crosses or touches itself or another", 0.0, 0.0, "places")
+        return Finding(name, Status.PASSED, "no loop crosses or touches itself or another", 0.0, 0.0, "")
     places = tuple(Place(x.real, x.imag) for x in where[:PLACES])
     text = f"loops cross or touch at {_count(len(where), 'place')}, first at {_at(places[0])}"
-    return Finding(name, Status.FAILED, text, float(len(where)), 0.0, "places", places)
+    return Finding(name, Status.FAILED, text, float(len(where)), 0.0, "", places)
 
 
 def _meetings(loops: Sequence[Loop], e: Edges) -> Complexes:
@@ -216,7 +216,7 @@ def bodies(sketch: Sketch, limits: Limits) -> Finding:
     if not ok:
         text += f", expected {limits.bodies}"
     limit = None if limits.bodies is None else float(limits.bodies)
-    return Finding("bodies", judged(ok), text, float(count), limit, "bodies", places[:PLACES])
+    return Finding("bodies", judged(ok), text, float(count), limit, "", places[:PLACES])
 
 
 def _at(place: Place) -> str:
