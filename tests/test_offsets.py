@@ -18,7 +18,7 @@ from d4cad.offsets import kerf_compensated, offset
 from d4cad.shapes import generate
 from d4cad.sketch import Circle, Loop, Sketch
 
-calm = settings(max_examples=20, deadline=None)
+calm = settings(max_examples=15, deadline=None)
 
 
 def part(*loops: Loop) -> Sketch:
@@ -135,7 +135,7 @@ def test_opening_takes_off_and_closing_adds(seed: int, primitives: int, distance
     closed = offset(offset(sketch, distance), -distance)
     assert difference(opened, sketch).area == pytest.approx(0, abs=1e-7)
     assert difference(sketch, closed).area == pytest.approx(0, abs=1e-7)
-    assert opened.area <= sketch.area <= closed.area
+    assert opened.area - 1e-9 <= sketch.area <= closed.area + 1e-9
     assert offset(offset(opened, -distance), distance).area == pytest.approx(opened.area, abs=1e-7)
 
 
