@@ -201,16 +201,16 @@ def test_agrees_with_manifold3d(shapes: tuple[Sketch, Sketch]) -> None:
 @given(pairs())
 def test_agrees_with_the_repair_of_the_grammar(shapes: tuple[Sketch, Sketch]) -> None:
     """The non-zero region of the loops of both is their union; that code works on pixels, with its own formulas."""
-    loops = [loop.scaled(300) for shape in shapes for loop in shape.loops]
+    loops = [loop.scaled(3000) for shape in shapes for loop in shape.loops]
     arcs = tuple(b != 0 for loop in loops for b in loop.bulges)
     numbers = [x for loop in loops for point in loop.points for x in point]
     numbers += [b for loop in loops for b in loop.bulges if b != 0]
     program = Program(Structure(tuple(len(loop.points) for loop in loops), arcs), np.array(numbers))
     grammar = ArcLine(pixel=1.0)
     repaired = grammar.outline(grammar.repair(program).program)
-    either = union(*shapes).scaled(300)
-    # the repair drops loops of less than 2 square pixels and moves what touches by less than a thousandth
-    assert either.area == pytest.approx(repaired.area, abs=1e-4 * either.length + 2.0 * len(either.loops))
+    either = union(*shapes).scaled(3000)
+    # the repair drops edges under a tenth of a pixel, and loops of less than 2 square pixels
+    assert either.area == pytest.approx(repaired.area, abs=0.05 * either.length + 2.0 * len(either.loops))
 
 
 def test_loops_that_wind_more_than_once() -> None:
