@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from PIL import Image
 from typer.testing import CliRunner, Result
 
+from d4cad import io
 from d4cad.cli import app
 from d4cad.errors import ExportError, InputError
 from d4cad.exporters import stl
@@ -34,7 +35,9 @@ from d4cad.exporters.checks import (
 from d4cad.exporters.checks.inscribed import inscribed
 from d4cad.exporters.checks.picture import write_picture
 from d4cad.exporters.checks.spans import places, spans
+from d4cad.fit import fit_image
 from d4cad.offsets import offset
+from d4cad.placement import Placement
 from d4cad.shapes import generate
 from d4cad.sketch import Circle, Loop, Sketch
 
@@ -469,6 +472,23 @@ def test_command_json(tmp_path: Path) -> None:
     assert by_name["interference"]["measured"] == pytest.approx(10)
     assert by_name["minimum wall"]["measured"] == pytest.approx(2)
     assert set(by_name["minimum wall"]["places"][0]) == {"x", "y", "value", "to"}
+
+
+def test_command_needs_a_size(tmp_path: Path) -> None:
+    """Program files in world units have one if their picture or placement states it."""
+    picture = np.zeros((48, 48))
+    picture[14:34, 9:39] = 1
+    fit = fit_image(picture)
+    path = tmp_path / "world.json"
+    io.write(path, fit.document())
+    refused = d4cad("check", str(path))
+    assert refused.exit_code == 2
+    assert "states no size" in refused.stderr
+    for place in (Placement(width=60.0), Placement(scale=2.0)):
+        io.write(path, fit.document(placement=place))
+        facts = json.loads(d4cad("check", str(path), "--json").stdout)
+        (wall,) = (f for f in facts["findings"] if f["name"] == "minimum wall")
+        assert wall["measured"] == pytest.approx(40, abs=0.1)
 
 
 def test_command_finds_loops_that_cross(tmp_path: Path) -> None:

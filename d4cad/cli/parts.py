@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 def read_loops(path: Path) -> list[Loop]:
     """The loops of a program file in mm, as they are: they may cross. Raises InputError, which names the file.
 
-    Loops in world units get the size that the file's placement or resolution states, 96 dpi if none, and keep their
-    origin.
+    Loops in world units get the size that the file's placement states and keep their origin; without one they are
+    refused, because nothing can be said in mm about them.
     """
     from d4cad import io
     from d4cad.fit import load_program
@@ -34,6 +34,8 @@ def read_loops(path: Path) -> list[Loop]:
     fit = load_program(path)
     xmin, _, xmax, _ = fit.outline.bounds
     place = fit.placement()
+    if not place.sized:
+        raise InputError(f"{path} states no size in mm: write it by `d4cad fit` with --width, --scale or --dpi")
     factor = place.pixel_size / fit.canvas.pixel if place.width is None else place.width / (xmax - xmin)
     return [loop.scaled(factor) for loop in loops]
 
