@@ -156,7 +156,12 @@ def distances(e: Edges, q: Complexes) -> Floats:
 
 
 def windings(e: Edges, q: Complexes) -> NDArray[np.int64]:
-    """Winding numbers (k,) of the closed curve of edges (n,) around points q (k,) that are not on it.
+    """Winding numbers (k,) of the closed curve of edges (n,) around points q (k,) that are not on it."""
+    return np.asarray(turns(e, q).sum(axis=1))
+
+
+def turns(e: Edges, q: Complexes) -> NDArray[np.int64]:
+    """What each edge (n,) of closed curves adds to their winding numbers around points q (k,): (k, n).
 
     Half-open crossings of the chord polygon by the ray towards +x, plus or minus one inside each circular
     segment. A point on a chord counts as shifted to +x and then to +y in both parts, so that they agree.
@@ -171,7 +176,7 @@ def windings(e: Edges, q: Complexes) -> NDArray[np.int64]:
     d = circle_distances(Edges(z0, z1, e.b[None, :]), p)
     count += ((e.b > 0)[None, :] & ~left & (d < 0)).astype(np.int64)
     count -= ((e.b < 0)[None, :] & left & (d > 0)).astype(np.int64)
-    return np.asarray(count.sum(axis=1))
+    return count
 
 
 def meetings(a: Edges, c: Edges, touch: float) -> tuple[Bools, Complexes]:
@@ -202,11 +207,22 @@ def neighbour_meetings(a: Edges, c: Edges, touch: float) -> tuple[Bools, Complex
     q = points_at(a, np.clip(t, 0.0, 1.0))
     apart = 1e3 * touch
     found = (t >= 0) & (t <= 1) & (np.abs(q - a.z1) > apart) & (distances(c, q) <= touch)
+    # between the tangent sides of a cusp rounding leaves crossings, with less than ``touch`` in between
+    found &= distances(c, points_at(a, (np.clip(t, 0.0, 1.0) + 1) / 2)) > touch
     met, where = _note(np.zeros(a.b.shape, dtype=np.bool_), np.array(a.z0, copy=True), found, q)
     closed = np.abs(a.z0 - c.z1) <= touch  # two edges that share both vertices
     for end, other in ((a.z0, c), (c.z1, a)):
         met, where = _note(met, where, ~closed & (distances(other, end) <= touch), end)
     return met & ~(closed & (np.abs(where - a.z0) <= apart)), where
+
+
+def crossings(a: Edges, c: Edges) -> tuple[Complexes, Floats, Bools]:
+    """Where edges a[k] meet the circles of c[k]: points (2, n), their t on a (2, n), and which exist (2, n).
+
+    Both are the point nearest to the circle where the two pass each other or the crossing was lost to rounding.
+    """
+    t, real = _roots(*_quadratic(a, c))
+    return points_at(a, t), t, real
 
 
 def _quadratic(a: Edges, c: Edges) -> tuple[Floats, Floats, Floats]:

@@ -126,8 +126,9 @@ class Fit:
         """Write what the extension says: .json the program file, .step .stp .brep .stl .3mf .glb a solid of
         ``thickness`` mm, .py .scad its source code, .dxf .svg a drawing of the outline, .png a preview.
 
-        Size and origin as for :meth:`sketch`. options: name, color, kerf, form and all else in :class:`exporters.Options`, as far as the format takes them. Raises InputError for a bad value, ExportError if the file cannot be
-        written; nothing is left behind then.
+        Size and origin as for :meth:`sketch`. options: name, color, kerf, form and all else in
+        :class:`exporters.Options`, as far as the format takes them. Raises InputError for a bad value, ExportError if
+        the file cannot be written; nothing is left behind then.
         """
         self.write(Path(path), self.placement(width, scale, dpi, origin, thickness), exporters.Options(**options))
 

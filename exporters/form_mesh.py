@@ -1,4 +1,4 @@
-"""Triangle meshes of every form, by manifold3d: no CAD kernel needed, except where a shell's hollow loses edges.
+"""Triangle meshes of every form, by manifold3d: no CAD kernel needed.
 
 Sections of one outline keep its edges at every height, so that a column is its sections' polygons, joined point by
 point: closed as it is made, drafted walls and fillets included.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import isfinite
 
 from d4cad.errors import InputError
+from d4cad.offsets import offset
 from d4cad.sketch import Sketch
 
 
@@ -26,10 +27,7 @@ def compensated(sketch: Sketch, kerf: float | None) -> Sketch:
         return sketch
     if sketch.unit != "mm":
         raise InputError(f"a kerf is in mm but this sketch is in {sketch.unit!r} units: scale it first")
-    from d4cad.offsets import offset  # type: ignore[import-not-found, unused-ignore]
-
-    grown: Sketch = offset(sketch, width / 2)
-    return grown
+    return offset(sketch, width / 2)
 
 
 def losses(sketch: Sketch, kerf: float) -> tuple[str, ...]:

@@ -140,6 +140,19 @@ def is_valid(shape: Any) -> bool:
     return bool(import_module("OCP.BRepCheck").BRepCheck_Analyzer(shape).IsValid())
 
 
+def explored(shape: Any, kind: str) -> list[Any]:
+    """The sub-shapes of a kind, "SOLID", "FACE", "WIRE" or "EDGE", of their own class; shared ones more than once."""
+    kinds, topods = import_module("OCP.TopAbs").TopAbs_ShapeEnum, import_module("OCP.TopoDS").TopoDS
+    name = kind.capitalize()
+    cast = getattr(topods, f"{name}_s", None) or getattr(topods, name)  # OCP 7 has the first, OCP 8 the second
+    explorer = import_module("OCP.TopExp").TopExp_Explorer(shape, getattr(kinds, f"TopAbs_{kind}"))
+    found = []
+    while explorer.More():
+        found.append(cast(explorer.Current()))
+        explorer.Next()
+    return found
+
+
 def volume(shape: Any) -> float:
     """Volume in mm^3, by the kernel's own integration of the faces."""
     properties = import_module("OCP.GProp").GProp_GProps()

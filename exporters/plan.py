@@ -16,8 +16,8 @@ from d4cad.errors import GeometryError, InputError
 from d4cad.exporters.form import Chamfer, Emboss, Engrave, Fillet, Form, Pocket, Shell
 from d4cad.exporters.inset import inset, moved, normals
 from d4cad.exporters.occ import require_mm, require_thickness
-from d4cad.exporters.offset import offset
 from d4cad.loop import Loop
+from d4cad.offsets import offset
 from d4cad.sketch import Face, Sketch
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -276,7 +276,7 @@ def _hollow(ground: Sketch, height: float, form: Form, shell: Shell) -> Column:
         raise InputError(f"the shell of {wall:g} mm leaves no hollow in a part {height:g} mm thick")
     low, high = (wall, height) if shell.open == "top" else (0.0, height - wall)
     try:
-        inside = offset(inset(ground, low * form.slope), wall / cos(form.draft))
+        inside = _left(inset(ground, low * form.slope), wall / cos(form.draft))
     except GeometryError as error:
         raise InputError(f"the shell of {wall:g} mm leaves no hollow in this outline: {error}") from None
     try:
@@ -284,6 +284,17 @@ def _hollow(ground: Sketch, height: float, form: Form, shell: Shell) -> Column:
     except GeometryError as error:
         raise InputError(f"the shell of {wall:g} mm does not fit drafted walls: {error}") from None
     return Column(inside, ((low, 0.0), (high, (high - low) * form.slope)))
+
+
+def _left(sketch: Sketch, wall: float) -> Sketch:
+    """What is further than a wall from the edges: with their sharp corners where every edge lives on, else rounded."""
+    try:
+        return inset(sketch, wall)
+    except GeometryError:
+        left = offset(sketch, -wall)
+    if not left.faces:
+        raise GeometryError(f"no part of it is {wall:g} mm from its edges")
+    return left
 
 
 def _depths(sketch: Sketch, pockets: Sequence[Pocket]) -> dict[int, float]:

@@ -11,8 +11,7 @@ from d4cad.edges import points_along
 from d4cad.errors import ExportError, InputError
 from d4cad.exporters.form import Revolve
 from d4cad.exporters.inset import normals
-from d4cad.exporters.occ import CONFUSION, compound, faces, is_valid, kernel_errors, require_mm, volume
-from d4cad.exporters.offset import explored
+from d4cad.exporters.occ import CONFUSION, compound, explored, faces, is_valid, kernel_errors, require_mm, volume
 from d4cad.loop import Loop
 from d4cad.sketch import Face, Sketch
 

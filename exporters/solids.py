@@ -9,8 +9,7 @@ from typing import Any
 
 from d4cad.errors import ExportError
 from d4cad.exporters.form import PLAIN, Form
-from d4cad.exporters.occ import compound, is_valid, kernel_errors, require_kernel, solids, volume
-from d4cad.exporters.offset import explored
+from d4cad.exporters.occ import compound, explored, is_valid, kernel_errors, require_kernel, solids, volume
 from d4cad.exporters.plan import Column, Rounding, Slab, plan, rim_name
 from d4cad.exporters.revolve import revolved
 from d4cad.sketch import Sketch

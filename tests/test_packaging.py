@@ -19,15 +19,19 @@ ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PACKAGE_DIR: dict[str, str] = PROJECT["tool"]["setuptools"]["package-dir"]
 
-GEOMETRY = {"errors", "edges", "loop", "joining", "sketch"}
+GEOMETRY = {"errors", "edges", "loop", "joining", "sketch", "cutting", "arrangement", "booleans", "offsets"}
 ALLOWED: dict[str, set[str]] = {
     "edges": set(),
     "loop": {"errors", "edges"},
     "joining": {"errors", "edges", "loop"},
-    "sketch": GEOMETRY,
     "features": {"errors", "edges", "loop", "joining"},
     # io: the outline that a program file states
     "exporters": GEOMETRY | {"exporters", "canvas", "features", "files", "io", "offsets", "__version__"},
+    "sketch": {"errors", "edges", "loop", "joining"},
+    "cutting": {"edges", "loop"},
+    "arrangement": {"edges", "loop", "cutting"},
+    "booleans": {"errors", "edges", "sketch", "cutting", "arrangement"},
+    "offsets": {"errors", "edges", "loop", "sketch", "arrangement"},
     "raster": {"raster", "errors", "canvas", "program"},
     "grammars": GEOMETRY | {"grammars", "raster", "canvas", "program", "protocols"},
     "objectives": {"objectives", "raster", "canvas", "errors", "program", "protocols"},

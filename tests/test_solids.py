@@ -24,7 +24,7 @@ from d4cad.exporters import occ
 from d4cad.exporters.form import Chamfer, Emboss, Engrave, Fillet, Form, Pocket, Revolve, Shell
 from d4cad.exporters.form_mesh import form_mesh
 from d4cad.exporters.inset import inset
-from d4cad.exporters.offset import explored, offset
+from d4cad.exporters.occ import explored
 from d4cad.exporters.revolve import swept_volume
 from d4cad.exporters.solids import solids_of
 from d4cad.fit import Fit, fit_coverage
@@ -321,17 +321,6 @@ def test_inset_refuses_what_vanishes() -> None:
         inset(sketch(rectangle(20, 20), Circle((10, 10), 8.0).loop()), 1.5)
     with pytest.raises(GeometryError, match="pass through each other"):
         inset(sketch(Circle((0, 0), 4.0).loop(), Circle((0, 0), 2.0).loop()), 1.5)
-
-
-def test_offset_drops_what_is_too_thin() -> None:
-    """The rounds of 5 mm vanish at 6 mm, and a ring 2 mm wide beside the plate has no room for walls of 1.2 mm."""
-    assert offset(rounded(), 6.0).area == pytest.approx(28 * 8, rel=1e-9)
-    ring = [Circle((60, 10), 4.0).loop(), Circle((60, 10), 2.0).loop()]
-    assert offset(sketch(*rounded().loops, *ring), 1.2).area == pytest.approx(
-        (40 - 2.4) * (20 - 2.4) - (4 - pi) * 3.8**2, rel=1e-9
-    )
-    with pytest.raises(GeometryError, match="no part of it is 11 mm"):
-        offset(rounded(), 11.0)
 
 
 BAD = [
