@@ -107,7 +107,7 @@ def reaches(x, y, weight, at, must, closed, step_points, tol, patience):
             step = 1 + 2 * ((last - at[a]) // (2 * step_points))
             half, error = fitted(x, y, weight, at[a], last, step, tol)
             if error < inf:
-                cost[a, span] = 1 + (0.01 * (half != 0.0) + 0.99 * error / bound) / (m + 1)
+                cost[a, span] = 1 + 0.0005 * (half != 0.0) + 0.5 * error / bound
                 missed = 0
             elif hypot(x[last % n] - x[at[a]], y[last % n] - y[at[a]]) > 4 * tol:
                 missed += 1

@@ -125,8 +125,11 @@ def _bowed(polygon: Loop) -> Loop:
 
 
 class _Found(NamedTuple):
+    """Samples at which edges end, counted on past the first lap, their half sweeps, and what the chain costs."""
+
     at: Indices
     half: Floats
+    cost: float
 
 
 def _chain(z: Complexes, tolerance: float, must: Bools, closed: bool) -> Chain:
@@ -135,6 +138,8 @@ def _chain(z: Complexes, tolerance: float, must: Bools, closed: bool) -> Chain:
     forced[place[must]] = True
     ends = _ends(samples, place, forced, tolerance)
     found = _cheapest(samples, ends, forced, tolerance)
+    finer = _cheapest(samples, _ends_near(found, samples, place), forced, tolerance)
+    found = min(found, finer, key=lambda f: f.cost)
     n = samples.z.size
     first = Chain(samples.z[found.at % n] if not closed else samples.z[found.at[:-1] % n], np.tan(found.half / 2), found.at)
     return refined(first, samples, forced, tolerance)
@@ -177,8 +182,17 @@ def _ends(samples: Samples, place: Indices, forced: Bools, tolerance: float) -> 
     return np.asarray(place[keep])
 
 
+def _ends_near(found: _Found, samples: Samples, place: Indices) -> Indices:
+    """The ends found and the vertices next to each, so that the best of them can be taken."""
+    reach = max(ENDS // (2 * found.at.size), 2)
+    at = np.searchsorted(place, found.at % samples.z.size)
+    index = (at[:, None] + np.arange(-reach, reach + 1)[None, :]).ravel()
+    index = index % place.size if samples.closed else index[(index >= 0) & (index < place.size)]
+    return np.asarray(place[np.unique(index)])
+
+
 def _cheapest(samples: Samples, ends: Indices, forced: Bools, tolerance: float) -> _Found:
-    """The cheapest chain whose edges are within the tolerance at every sample."""
+    """The cheapest chain whose edges are within the tolerance at every sample; of infinite cost if there is none."""
     from d4cad.runs import cheapest, cheapest_ring, fitted, reaches
 
     n, m = samples.z.size, ends.size
@@ -186,10 +200,10 @@ def _cheapest(samples: Samples, ends: Indices, forced: Bools, tolerance: float) 
     looked_at = LOOKED_AT
     while True:
         cost = reaches(x, y, samples.weight, ends, forced[ends], samples.closed, looked_at, tolerance, PATIENCE)
-        chain, _ = cheapest_ring(cost) if samples.closed else cheapest(cost, 0, m - 1, np.inf)
+        chain, price = cheapest_ring(cost) if samples.closed else cheapest(cost, 0, m - 1, np.inf)
         at = np.asarray(ends[chain % m] + n * (chain // m), dtype=np.int64)
         found = [fitted(x, y, samples.weight, a, b, 1, tolerance) for a, b in zip(at[:-1], at[1:], strict=True)]
         if looked_at >= n or all(error < np.inf for _, error in found):
-            return _Found(at, np.array([half for half, _ in found]))
+            return _Found(at, np.array([half for half, _ in found]), price)
         looked_at *= 8
 
