@@ -22,9 +22,9 @@ class Placement:
     """Size, origin and thickness of a part, as a user gives them.
 
     At most one of width: the part's extent in x, in mm; scale: mm per pixel; dpi: pixels per inch. origin: "corner"
-    puts the lower left corner of the part's bounding box at (0, 0), "center" its middle, "drawing" leaves the part where
-    it was drawn. thickness: mm. zero: the point, in world units, that "drawing" puts at (0, 0); None if nothing was drawn.
-    Raises InputError where a number is not positive and finite, or more than one size is given.
+    puts the lower left corner of the part's bounding box at (0, 0), "center" its middle, "drawing" leaves the part
+    where it was drawn. thickness: mm. zero: the point, in world units, that "drawing" puts at (0, 0); None if nothing
+    was drawn. Raises InputError where a number is not positive and finite, or more than one size is given.
     """
 
     width: float | None = None

@@ -49,8 +49,8 @@ def load(path: str | PathLike[str]) -> Fit:
 def from_drawing(drawing: Drawing, name: str) -> Fit:
     """A drawing as an Arc-Line program that places itself where it was drawn.
 
-    name: what reports call it. The drawing is its own target, so that nothing is left to fit. The canvas is as large as a
-    power of two times the world, by which coordinates scale without rounding.
+    name: what reports call it. The drawing is its own target, so that nothing is left to fit. The canvas is as large
+    as a power of two times the world, by which coordinates scale without rounding.
     """
     sketch = drawing.sketch
     if sketch.unit != "mm":
@@ -142,7 +142,8 @@ def _placement(value: object) -> Placement:
                 raise InputError(f"its placement has a wrong zero: {x!r}")
         elif not (isinstance(x, str) if key == "origin" else _is_number(x)):
             raise InputError(f"its placement has a wrong {key}: {x!r}")
-    return Placement(**{key: tuple(x) if key == "zero" else x for key, x in value.items()})
+    given: dict[str, Any] = {key: tuple(x) if key == "zero" else x for key, x in value.items()}
+    return Placement(**given)
 
 
 def _is_number(value: object) -> bool:

@@ -32,8 +32,8 @@ UNITS = {"": 1.0, "mm": 1.0, "cm": 10.0, "in": INCH}
 class Reduction:
     """A drawing before and after. Sketches in mm.
 
-    segments: number of pieces that the file draws it with. tolerance, deviation: mm, the latter the Hausdorff distance of
-    the two. seconds: of the simplification alone.
+    segments: number of pieces that the file draws it with. tolerance, deviation: mm, the latter the Hausdorff distance
+    of the two. seconds: of the simplification alone.
     """
 
     name: str
@@ -77,15 +77,15 @@ def reduced(
 ) -> Reduction:
     """A .dxf or .svg drawing or a .json program with as few lines and arcs as stay within a tolerance of it.
 
-    tolerance: mm, or text with a unit as :func:`length` reads it. gap, layers: as :func:`d4cad.importers.read` has them.
-    Raises InputError or GeometryError for what cannot be used.
+    tolerance: mm, or text with a unit as :func:`length` reads it. gap, layers: as :func:`d4cad.importers.read` has
+    them. Raises InputError or GeometryError for what cannot be used.
     """
     path = Path(path)
     if path.suffix.lower() == ".json":
         if layers:
             raise InputError("layers can be chosen in DXF drawings only")
         fit = load(path)
-        pixel = (fit.placement().pixel_size if fit.made.width is None else INCH / DEFAULT_DPI)
+        pixel = fit.placement().pixel_size if fit.made.width is None else INCH / DEFAULT_DPI
         within = length(tolerance, pixel)
         sketch = fit.sketch()
         drawing = Drawing(sketch, sketch.primitives, fit.notes(fit.placement(), solid=False))
@@ -121,13 +121,13 @@ def length(value: str | float, pixel: float) -> float:
 def text(facts: dict[str, Any]) -> str:
     """The report for people, a few lines."""
     kinds = ", ".join(f"{facts[key]} {key[:-1] if facts[key] == 1 else key}" for key in KINDS if facts[key])
-    change = facts["area_mm2"] - facts["area_before_mm2"]
+    before, after = facts["area_before_mm2"], facts["area_mm2"]
     drawn = f"{facts['segments']} segments, " if facts["segments"] != facts["primitives_before"] else ""
     width, height = facts["size_mm"]
     lines = [
         f"{drawn}{facts['primitives_before']} -> {facts['primitives']} primitives ({kinds})",
         f"{width:.6g} x {height:.6g} mm, at most {facts['deviation_mm']:.2g} mm off, {facts['tolerance_mm']:g} allowed",
-        f"area {facts['area_before_mm2']:.6g} -> {facts['area_mm2']:.6g} mm2 ({100 * change / facts['area_before_mm2']:+.2g} %)",
+        f"area {before:.6g} -> {after:.6g} mm2 ({100 * (after / before - 1):+.2g} %)",
         *(f"note: {note}" for note in facts["notes"]),
         *(f"wrote {path}" for path in facts["files"]),
     ]

@@ -26,12 +26,14 @@ def write_overlay(path: str | Path, before: Sketch, after: Sketch, title: str) -
     xmin, ymin, xmax, ymax = before.bounds
     width, height = xmax - xmin, ymax - ymin
     scale = 5.5 / max(width, height)
-    size = (2 * max(width * scale, 1.6) + 0.6, max(height * scale, 0.6) + 0.9)
+    rows, columns = (2, 1) if width > 1.5 * height else (1, 2)
+    scale *= 1.5 if rows == 2 else 1.0
+    size = (columns * max(width * scale, 1.6) + 0.6, rows * max(height * scale, 0.6) + 0.9)
     figure = Figure(figsize=size, facecolor="white")
     figure.text(0.2 / size[0], 1 - 0.28 / size[1], title, fontsize=11, color=INK, va="center")
-    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True)
     figure.subplots_adjust(left=0.2 / size[0], right=1 - 0.2 / size[0], bottom=0.2 / size[1],
-                           top=1 - 0.55 / size[1], wspace=0.04)  # fmt: skip
+                           top=1 - 0.55 / size[1], wspace=0.04, hspace=0.04)  # fmt: skip
     step = max(width, height) / 4000
     for ax in panels:
         pad = 0.03 * max(width, height)
@@ -52,4 +54,6 @@ def _draw(ax: Any, sketch: Sketch, step: float, color: str | None, *, dots: bool
     ax.add_collection(LineCollection(parts, colors=color or kinds, linewidths=2.6 if color else 1.3), autolim=False)
     if dots:
         points = np.array([p for loop in sketch.loops for p in loop.points])
-        ax.scatter(*points.T, s=12.0 if len(points) < 150 else 4.0, facecolor="white", edgecolor=INK, linewidth=0.7, zorder=3)
+        ax.scatter(
+            *points.T, s=12.0 if len(points) < 150 else 4.0, facecolor="white", edgecolor=INK, linewidth=0.7, zorder=3
+        )

@@ -14,7 +14,12 @@ from d4cad.errors import D4cadError
 
 def export(
     program: Annotated[
-        Path, typer.Argument(metavar="PROGRAM", help="A program file that `d4cad fit` wrote, or a .dxf or .svg drawing.", show_default=False)
+        Path,
+        typer.Argument(
+            metavar="PROGRAM",
+            help="A program file that `d4cad fit` wrote, or a .dxf or .svg drawing.",
+            show_default=False,
+        ),
     ],
     output: Output = None,
     width: Width = None,

@@ -18,7 +18,8 @@ def simplify(
         Path, typer.Argument(metavar="DRAWING", help="A .dxf or .svg drawing or a .json program.", show_default=False)
     ],
     tolerance: Annotated[
-        str, typer.Option("--tolerance", "-t", metavar="LENGTH", help="Such as 0.05mm, 0.002in, 2px; mm without a unit.")
+        str,
+        typer.Option("--tolerance", "-t", metavar="LENGTH", help="Such as 0.05mm, 0.002in, 2px; mm without a unit."),
     ] = "0.05mm",
     output: Output = None,
     layer: Annotated[

@@ -24,8 +24,8 @@ LARGEST = 1e8
 class Drawing:
     """What was read.
 
-    sketch: the outlines in mm, y up, in the drawing's own place. segments: number of lines, arcs and pieces of other curves
-    that the file draws them with. notes: a sentence each on what was assumed, mended or left out.
+    sketch: the outlines in mm, y up, in the drawing's own place. segments: number of lines, arcs and pieces of other
+    curves that the file draws them with. notes: a sentence each on what was assumed, mended or left out.
     """
 
     sketch: Sketch
@@ -44,8 +44,8 @@ def assembled(
 ) -> Drawing:
     """A drawing of closed shapes and loose strokes.
 
-    Strokes are chained to loops (:func:`d4cad.importers.strokes.chained`). A loop drawn twice within ``gap`` counts once.
-    Shapes that overlap are united; then every second loop from outside in bounds a hole.
+    Strokes are chained to loops (:func:`d4cad.importers.strokes.chained`). A loop drawn twice within ``gap`` counts
+    once. Shapes that overlap are united; then every second loop from outside in bounds a hole.
     """
     _refuse_far(shapes, strokes)
     loops, found = chained(strokes, gap)
@@ -118,7 +118,8 @@ def _union(sketches: Sequence[Sketch]) -> Sketch:
 
 
 def nonzero(loops: Sequence[Loop]) -> tuple[Loop, ...]:
-    """The loops that bound the region of non-zero winding, SVG's default fill rule: those with the same on both sides go."""
+    """The loops that bound the region of non-zero winding, SVG's default fill rule: those with the same on both
+    sides go."""
     if not loops:
         return ()
     z = np.array([complex(*loop.points[0]) for loop in loops])

@@ -25,12 +25,22 @@ MOST = 200_000
 """Strokes of a drawing; a few lines of blocks within blocks can ask for billions."""
 
 SMALLEST = 1e-7
-"""Least distance between curve and chord as a share of the curve's size: what is far larger than a part stays few points."""
+"""Least distance between curve and chord as a share of the curve's size: what is far larger than a part stays few
+points."""
 
 FLAT = 1e-9
 """Largest slope of an entity's plane, and relative difference of the axes of an ellipse that is a circle."""
 
-DAMAGED = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, AssertionError, RecursionError, EOFError)
+DAMAGED = (
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    ArithmeticError,
+    AssertionError,
+    RecursionError,
+    EOFError,
+)
 """What ezdxf raises, besides its own errors, on files that are damaged."""
 
 

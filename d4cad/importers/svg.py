@@ -70,7 +70,8 @@ def read_svg(data: bytes, tolerance: float, gap: float, layers: Sequence[str]) -
 
 
 class _Shape(NamedTuple):
-    """The loops of one element. white: whether it is filled white and not stroked. segments: how many it is drawn with."""
+    """The loops of one element. white: whether it is filled white and not stroked. segments: how many it is drawn
+    with."""
 
     loops: tuple[Loop, ...]
     white: bool
@@ -170,7 +171,8 @@ def _subpaths(path: Any) -> Iterator[list[Any]]:
 
 
 class _Part(NamedTuple):
-    """One segment: its ends if it is a line or an arc with a bulge, points on it if it is another curve (bulge None)."""
+    """One segment: its ends if it is a line or an arc with a bulge, points on it if it is another curve (bulge
+    None)."""
 
     points: Complexes
     bulge: float | None
