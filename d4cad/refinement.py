@@ -200,11 +200,10 @@ def _moved(chain: Chain, samples: Samples, edges: Indices, free: Bools) -> Chain
     """Levenberg-Marquardt steps on the free vertices and on the bulges of the arcs among ``edges``."""
     q, weight, owner = _owned(chain, samples, edges)
     q, owner = q[weight > 0], owner[weight > 0]
-    arcs = edges[chain.bulges[edges] != 0]
-    layout = _Layout(np.full(chain.points.size, -1), np.full(chain.bulges.size, -1))
-    layout.vertex[free] = 2 * np.arange(np.count_nonzero(free))
-    layout.bulge[arcs] = 2 * np.count_nonzero(free) + np.arange(arcs.size)
-    if q.size == 0 or not (np.any(free) or arcs.size):
+    arcs = np.zeros(chain.bulges.size, dtype=np.bool_)
+    arcs[edges] = chain.bulges[edges] != 0
+    layout = _Layout.of(free, arcs)
+    if q.size == 0 or layout.size == 0:
         return chain
     damping, value = DAMPING, float(np.sum(circle_distances(chain.edges.take(owner), q) ** 2))
     for _ in range(STEPS):
@@ -222,23 +221,29 @@ def _moved(chain: Chain, samples: Samples, edges: Indices, free: Bools) -> Chain
 
 
 class _Layout(NamedTuple):
-    """Columns of the normal equations: of each vertex its x, with y behind it, and of each bulge; -1 where it is
-    kept."""
+    """Columns of the normal equations, numbered along the chain: of each vertex its x, with y behind it, and of each bulge.
+
+    vertex, bulge: -1 where it is kept. size: how many there are.
+    """
 
     vertex: Indices
     bulge: Indices
+    size: int
 
-    @property
-    def size(self) -> int:
-        return 2 * int(np.count_nonzero(self.vertex >= 0)) + int(np.count_nonzero(self.bulge >= 0))
+    @classmethod
+    def of(cls, free: Bools, arcs: Bools) -> _Layout:
+        """The columns of free vertices and of the bulges of arcs."""
+        width = 2 * free.astype(np.int64)
+        width[: arcs.size] += arcs
+        begin = np.cumsum(width) - width
+        bulge = np.where(arcs, (begin + 2 * free)[: arcs.size], -1)
+        return cls(np.where(free, begin, -1), bulge, int(width.sum()))
 
 
 def _step(chain: Chain, q: Complexes, owner: Indices, layout: _Layout, damping: float) -> Floats:
-    from scipy.sparse import coo_array, identity
-    from scipy.sparse.linalg import spsolve
+    from d4cad.skyline import step
 
-    every = chain.edges
-    e = every.take(owner)
+    e = chain.edges.take(owner)
     d = circle_distances(e, q)
     angle = 2 * np.arctan(e.b)
     gradient = 2 * np.sin(angle) * (q - (e.z0 + e.z1) / 2) - 1j * (e.z1 - e.z0) * np.cos(angle)
@@ -254,13 +259,9 @@ def _step(chain: Chain, q: Complexes, owner: Indices, layout: _Layout, damping: 
     parts = [(start, by_start), (start + 1, 1j * by_start), (end, by_end), (end + 1, 1j * by_end)]
     parts = [(np.where(column >= (k % 2), column, -1), value) for k, (column, value) in enumerate(parts)]
     parts.append((layout.bulge[owner], by_sagitta))
-    column = np.concatenate([c for c, _ in parts])
-    row = np.tile(np.arange(q.size), len(parts))
-    value = np.concatenate([-(v * np.conj(normal)).real for _, v in parts])
-    keep = column >= 0
-    jacobian = coo_array((value[keep], (row[keep], column[keep])), shape=(q.size, layout.size)).tocsc()
-    matrix = (jacobian.T @ jacobian + damping * identity(layout.size)).tocsc()
-    return np.asarray(-spsolve(matrix, jacobian.T @ d)).reshape(-1)
+    column = np.stack([c for c, _ in parts], axis=1)
+    value = np.stack([-(v * np.conj(normal)).real for _, v in parts], axis=1)
+    return np.asarray(step(column, value, d, layout.size, damping))
 
 
 def _stepped(chain: Chain, step: Floats, layout: _Layout) -> Chain:

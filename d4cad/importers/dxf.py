@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -40,6 +41,7 @@ DAMAGED = (
     AssertionError,
     RecursionError,
     EOFError,
+    StopIteration,
 )
 """What ezdxf raises, besides its own errors, on files that are damaged."""
 
@@ -71,6 +73,7 @@ def _document(data: bytes) -> Document:
     import ezdxf
     from ezdxf.lldxf.validator import is_dxf_stream
 
+    logging.getLogger("ezdxf").addHandler(logging.NullHandler())  # else its remarks go to stderr where nobody set up logs
     if data.startswith(b"AutoCAD Binary DXF"):
         return _from_file(data)
     head = data[:4096].decode("latin-1").replace("\r\n", "\n")
