@@ -7,6 +7,8 @@ from math import isfinite
 from os import PathLike
 from pathlib import Path
 
+import numpy as np
+
 from d4cad.errors import GeometryError, InputError
 from d4cad.importers.drawing import Drawing
 from d4cad.importers.dxf import read_dxf
@@ -51,6 +53,7 @@ def read(
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
     try:
-        return reader(data, tolerance, gap, layers)
+        with np.errstate(all="ignore"):  # what is not finite is refused in words
+            return reader(data, tolerance, gap, layers)
     except (InputError, GeometryError) as error:
         raise type(error)(f"{path} is not a usable drawing: {error}") from None

@@ -19,6 +19,10 @@ from d4cad.importers.strokes import SAMPLING, Stroke, arc, fitted, line
 if TYPE_CHECKING:
     from ezdxf.document import Drawing as Document
 
+UNITS = {0: 1.0, 1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1e3, 8: 2.54e-5, 9: 0.0254, 10: 914.4, 13: 1e-3, 14: 100.0}
+"""mm in each $INSUNITS that a part may be drawn in: none, inches, feet, mm, cm, m, microinches, mils, yards, micrometres,
+decimetres (DXF reference, header variables)."""
+
 DEEPEST = 16
 """Blocks within blocks that are followed."""
 
@@ -129,13 +133,10 @@ class _Reader:
     @property
     def unit(self) -> float:
         """mm per drawing unit."""
-        from ezdxf.units import MM, conversion_factor
-
         units = self.document.units
-        factor = conversion_factor(units, MM) if units else 1.0  # type: ignore[arg-type]
-        if not (isfinite(factor) and factor > 0):
-            raise InputError(f"its $INSUNITS is {units}, which is no unit of length")
-        return float(factor)
+        if units not in UNITS:
+            raise InputError(f"its $INSUNITS is {units}, expected one of {', '.join(map(str, UNITS))}")
+        return UNITS[units]
 
     @property
     def notes(self) -> tuple[str, ...]:

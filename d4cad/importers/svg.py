@@ -126,7 +126,7 @@ def _read(element: Any, tolerance: float) -> tuple[_Shape, list[Stroke]]:
     wrong = PATH_DATA.fullmatch(str(element.values.get("d") or "")) is None
     if wrong:
         raise InputError("its path data holds what is neither a command nor a number")
-    path = svgelements.Path(element)
+    path = abs(svgelements.Path(element))  # a circle that is turned still has its transform
     filled = _filled(element)
     loops, loose, segments = [], [], 0
     for subpath in _subpaths(path):
