@@ -20,7 +20,7 @@ from d4cad.placement import DEFAULT_DPI, INCH
 from d4cad.programs import from_drawing, load
 from d4cad.simplification import simplified
 from d4cad.sketch import Sketch
-from d4cad.summary import census
+from d4cad.summary import census, kinds
 
 READING = 1 / 20
 """Share of the tolerance within which splines are read as arcs; the rest is left for their simplification."""
@@ -120,18 +120,14 @@ def length(value: str | float, pixel: float) -> float:
 
 def text(facts: dict[str, Any]) -> str:
     """The report for people, a few lines."""
-    kinds = ", ".join(f"{facts[key]} {key[:-1] if facts[key] == 1 else key}" for key in KINDS if facts[key])
     before, after = facts["area_before_mm2"], facts["area_mm2"]
     drawn = f"{facts['segments']} segments, " if facts["segments"] != facts["primitives_before"] else ""
     width, height = facts["size_mm"]
     lines = [
-        f"{drawn}{facts['primitives_before']} -> {facts['primitives']} primitives ({kinds})",
+        f"{drawn}{facts['primitives_before']} -> {facts['primitives']} primitives ({kinds(facts)})",
         f"{width:.6g} x {height:.6g} mm, at most {facts['deviation_mm']:.2g} mm off, {facts['tolerance_mm']:g} allowed",
         f"area {before:.6g} -> {after:.6g} mm2 ({100 * (after / before - 1):+.2g} %)",
         *(f"note: {note}" for note in facts["notes"]),
         *(f"wrote {path}" for path in facts["files"]),
     ]
     return "\n".join(lines)
-
-
-KINDS = ("lines", "arcs", "circles")

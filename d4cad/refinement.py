@@ -221,7 +221,8 @@ def _moved(chain: Chain, samples: Samples, edges: Indices, free: Bools) -> Chain
 
 
 class _Layout(NamedTuple):
-    """Columns of the normal equations, numbered along the chain: of each vertex its x, with y behind it, and of each bulge.
+    """Columns of the normal equations, numbered along the chain: of each vertex its x, with y behind it, and of each
+    bulge.
 
     vertex, bulge: -1 where it is kept. size: how many there are.
     """

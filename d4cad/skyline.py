@@ -11,8 +11,8 @@ def step(column, value, d, size, damping):
     """The x (size,) of least |J x + d|^2 + damping |x|^2.
 
     Row r of J has value[r, k] in column[r, k], of (m, w) arrays, int64 and float64; a negative column does not count. d
-    (m,). damping > 0. Cholesky's factorisation within the envelope of J^T J (Jennings 1966), which for a curve is a band
-    and, where it is closed, a few long rows.
+    (m,). damping > 0. Cholesky's factorisation within the envelope of J^T J (Jennings 1966), which for a curve is a
+    band and, where it is closed, a few long rows.
     """
     first = np.arange(size)
     for r in range(d.size):

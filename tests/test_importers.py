@@ -53,7 +53,7 @@ def areas(drawing: Drawing) -> list[float]:
         ('<circle cx="20" cy="20" r="7"/>', 49 * pi, 2),
         ('<polygon points="10,10 20,10 20,20"/>', 50, 3),
         ('<polyline points="10,10 20,10 20,20"/>', 50, 3),
-        ('<g transform="translate(5 5) rotate(30)"><circle cx="20" cy="5" r="3" transform="scale(-2)"/></g>', 36 * pi, 2),
+        ('<g transform="rotate(30)"><circle cx="20" cy="5" r="3" transform="scale(-2)"/></g>', 36 * pi, 2),
         ('<path transform="skewX(0) rotate(17)" d="M10 10 h20 a5 5 0 0 1 0 10 h-20 Z"/>', 200 + 12.5 * pi, 4),
         ('<defs><circle id="c" cx="9" cy="9" r="2"/></defs><use href="#c" x="20" y="20"/>', 4 * pi, 2),
     ],
@@ -297,7 +297,7 @@ def test_dxf_layers(tmp_path: Path) -> None:
     path = dxf(tmp_path, draw)
     assert len(read(path).sketch.faces) == 2
     assert read(path, layers=["CUT"]).sketch.bounds == pytest.approx((-1, -1, 1, 1))
-    with pytest.raises(InputError, match="no layer 'cuts', only .*cut.*mark"):
+    with pytest.raises(InputError, match=r"no layer 'cuts', only .*cut.*mark"):
         read(path, layers=["cuts"])
 
 
@@ -338,7 +338,9 @@ def test_an_open_outline_says_where_and_how_wide(tmp_path: Path) -> None:
         space.add_lwpolyline([(0, 0), (10, 0), (10, 5), (0.3, 0.4)])
 
     path = dxf(tmp_path, draw)
-    with pytest.raises(GeometryError, match=r"open at \(0, 0\): .* at \(0\.3, 0\.4\), is 0\.5 mm away; ends up to 0\.01"):
+    with pytest.raises(
+        GeometryError, match=r"open at \(0, 0\): .* at \(0\.3, 0\.4\), is 0\.5 mm away; ends up to 0\.01"
+    ):
         read(path)
     assert read(path, gap=0.6).sketch.primitives == 3
 
@@ -377,7 +379,15 @@ def test_svg_drawings_that_cannot_be_used(tmp_path: Path, body: str, message: st
 @pytest.mark.parametrize("name", ["drawing.svg", "drawing.dxf"])
 @pytest.mark.parametrize(
     "content",
-    [b"", b"  \n", b"hello", b"<html></html>", b"\x00\xff\x80" * 100, b"  0\nSECTION\n  2\nENTITIES\n", b'<svg viewBox="'],
+    [
+        b"",
+        b"  \n",
+        b"hello",
+        b"<html></html>",
+        b"\x00\xff\x80" * 100,
+        b"  0\nSECTION\n  2\nENTITIES\n",
+        b'<svg viewBox="',
+    ],
 )
 def test_files_that_are_no_drawings(tmp_path: Path, name: str, content: bytes) -> None:
     path = tmp_path / name
@@ -399,7 +409,7 @@ def test_a_truncated_dxf(tmp_path: Path) -> None:
 def test_a_dxf_with_a_wrong_number(tmp_path: Path, value: str) -> None:
     path = dxf(tmp_path, lambda space, _: space.add_circle((0, 0), 1.2345))
     path.write_text(path.read_text().replace("1.2345", value))
-    with pytest.raises(D4cadError, match="not finite|damaged"):
+    with pytest.raises(D4cadError, match=r"not finite|damaged"):
         read(path)
 
 
@@ -425,8 +435,8 @@ def test_requests_that_cannot_be_met(tmp_path: Path) -> None:
         read(tmp_path / "part.pdf")
     with pytest.raises(InputError, match="there is no drawing"):
         read(tmp_path / "none.svg")
+    (tmp_path / "folder.svg").mkdir()
     with pytest.raises(InputError, match="cannot read"):
-        (tmp_path / "folder.svg").mkdir()
         read(tmp_path / "folder.svg")
 
 

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from ezdxf.document import Drawing as Document
 
 UNITS = {0: 1.0, 1: 25.4, 2: 304.8, 4: 1.0, 5: 10.0, 6: 1e3, 8: 2.54e-5, 9: 0.0254, 10: 914.4, 13: 1e-3, 14: 100.0}
-"""mm in each $INSUNITS that a part may be drawn in: none, inches, feet, mm, cm, m, microinches, mils, yards, micrometres,
-decimetres (DXF reference, header variables)."""
+"""mm in each $INSUNITS that a part may be drawn in: none, inches, feet, mm, cm, m, microinches, mils, yards,
+micrometres, decimetres (DXF reference, header variables)."""
 
 DEEPEST = 16
 """Blocks within blocks that are followed."""
@@ -77,7 +77,9 @@ def _document(data: bytes) -> Document:
     import ezdxf
     from ezdxf.lldxf.validator import is_dxf_stream
 
-    logging.getLogger("ezdxf").addHandler(logging.NullHandler())  # else its remarks go to stderr where nobody set up logs
+    logging.getLogger("ezdxf").addHandler(
+        logging.NullHandler()
+    )  # else its remarks go to stderr where nobody set up logs
     if data.startswith(b"AutoCAD Binary DXF"):
         return _from_file(data)
     head = data[:4096].decode("latin-1").replace("\r\n", "\n")
