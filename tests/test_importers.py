@@ -115,9 +115,11 @@ def test_svg_units(tmp_path: Path, root: str, size: float) -> None:
     assert any("no unit" in note for note in found.notes) == ("m" not in root and "in" not in root)
 
 
-def test_svg_y_points_up_from_the_foot_of_the_page(tmp_path: Path) -> None:
-    found = read(svg(tmp_path, '<rect x="10" y="40" width="20" height="8"/>'))
-    assert found.sketch.bounds == pytest.approx((10, 2, 30, 10), abs=1e-9)
+def test_svg_y_points_up_from_the_foot_of_a_page_or_the_own_origin(tmp_path: Path) -> None:
+    body = '<rect x="10" y="40" width="20" height="8"/>'
+    assert read(svg(tmp_path, body)).sketch.bounds == pytest.approx((10, 2, 30, 10), abs=1e-9)
+    elsewhere = read(svg(tmp_path, body, 'width="50mm" height="50mm" viewBox="5 20 100 100"'))
+    assert elsewhere.sketch.bounds == pytest.approx((5, -24, 15, -20), abs=1e-9)
 
 
 def test_svg_fill_rules_and_holes(tmp_path: Path) -> None:
@@ -158,6 +160,7 @@ def test_svg_reads_back_what_was_written(tmp_path: Path, seed: int) -> None:
     assert found.area == pytest.approx(true.area, rel=1e-9)
     assert found.primitives == true.primitives
     assert len(found.faces) == len(true.faces)
+    assert drawn_apart(found.loops, true.loops) < 1e-7
 
 
 # DXF

@@ -34,7 +34,7 @@ PATH_DATA = re.compile(r"[MmZzLlHhVvCcSsQqTtAaEe0-9+\-.,\s]*")
 def read_svg(data: bytes, tolerance: float, gap: float, layers: Sequence[str]) -> Drawing:
     """The closed outlines of an SVG file, as :func:`d4cad.importers.read` describes.
 
-    y is turned up, the origin is the page's lower left corner, or where no page is stated the file's own. Without
+    y is turned up. The origin is the lower left corner of a page that begins at (0, 0), else the file's own. Without
     units a pixel is 1/96 inch. A filled path is closed as SVG closes it; a white filled shape around everything is
     background. SVG has no layers: InputError if any are asked for.
     """
@@ -44,7 +44,7 @@ def read_svg(data: bytes, tolerance: float, gap: float, layers: Sequence[str]) -
         raise InputError("it is empty")
     page = _parsed(data)
     unit = _unit(page)
-    height = float(page.height) if page.values.get("height") or page.viewbox else 0.0
+    origin = _origin(page)
     shapes: list[_Shape] = []
     strokes: list[Stroke] = []
     segments, notes = 0, []
@@ -59,8 +59,8 @@ def read_svg(data: bytes, tolerance: float, gap: float, layers: Sequence[str]) -
             continue
         shape, loose = _read(element, tolerance / unit)
         segments += shape.segments
-        shapes.append(_placed(shape, unit, height))
-        strokes += [_up(stroke, unit, height) for stroke in loose]
+        shapes.append(_placed(shape, unit, origin))
+        strokes += [_up(stroke, unit, origin) for stroke in loose]
     if skipped:
         notes.append(f"left out, as no outline: {', '.join(f'{n} {kind}' for kind, n in sorted(skipped.items()))}")
     kept = _without_ground(shapes)
@@ -99,6 +99,18 @@ def _unit(page: Any) -> float:
     """mm per pixel of svgelements: exact where the page is in mm, cm or inches."""
     width = str(page.values.get("width") or "").strip()
     return SVGELEMENTS_INCH / DPI if width.endswith(("mm", "cm")) else 25.4 / DPI
+
+
+def _origin(page: Any) -> complex:
+    """Where a drawing has its origin, in pixels."""
+    import svgelements
+
+    box = page.viewbox
+    if box is None:
+        return complex(0.0, float(page.height) if page.values.get("height") else 0.0)
+    if box.x == 0 and box.y == 0:
+        return complex(0.0, float(page.height))
+    return complex(svgelements.Matrix(page.viewbox_transform).point_in_matrix_space((0.0, 0.0)))
 
 
 def _is_shape(element: Any) -> bool:
@@ -291,15 +303,16 @@ def _bezier(control: Sequence[complex], tolerance: float) -> _Part | None:
     return _Part(points, None)
 
 
-def _up(stroke: Stroke, unit: float, height: float) -> Stroke:
+def _up(stroke: Stroke, unit: float, origin: complex) -> Stroke:
     """A stroke of pixels, y down, in mm, y up."""
-    points = stroke.points.real + 1j * (height - stroke.points.imag)
-    return Stroke(np.asarray(points * unit), 0.0 - stroke.bulges)
+    return Stroke(np.conj(stroke.points - origin) * unit, 0.0 - stroke.bulges)
 
 
-def _placed(shape: _Shape, unit: float, height: float) -> _Shape:
+def _placed(shape: _Shape, unit: float, origin: complex) -> _Shape:
+    """A shape of pixels, y down, in mm, y up."""
+    x0, y0 = origin.real, origin.imag
     loops = tuple(
-        Loop(tuple((x * unit, (height - y) * unit) for x, y in loop.points), tuple(0.0 - b for b in loop.bulges))
+        Loop(tuple(((x - x0) * unit, (y0 - y) * unit) for x, y in loop.points), tuple(0.0 - b for b in loop.bulges))
         for loop in shape.loops
     )
     return shape._replace(loops=loops)
