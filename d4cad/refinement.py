@@ -22,6 +22,9 @@ STEPS = 8
 DAMPING = 1e-2
 """Added to the normal equations, in which every point counts 1: what the points do not determine stays."""
 
+EXACT = 1e-12
+"""Distances below this share of the extent are rounding: there is nothing to move."""
+
 FREELY = 1.2
 """A vertex is worth trying without if one line or circle comes within so many tolerances of all points around it."""
 
@@ -206,6 +209,8 @@ def _moved(chain: Chain, samples: Samples, edges: Indices, free: Bools) -> Chain
     if q.size == 0 or layout.size == 0:
         return chain
     damping, value = DAMPING, float(np.sum(circle_distances(chain.edges.take(owner), q) ** 2))
+    if value <= q.size * (EXACT * float(np.abs(q - q[0]).max())) ** 2:
+        return chain
     for _ in range(STEPS):
         step = _step(chain, q, owner, layout, damping)
         tried = _stepped(chain, step, layout)

@@ -59,6 +59,8 @@ def simplified_loop(loop: Loop, tolerance: float) -> Loop:
     """
     if not (tolerance > 0 and np.isfinite(tolerance)):
         raise GeometryError(f"the tolerance of a simplification must be positive, got {tolerance}")
+    if len(loop.points) == 2:
+        return loop
     best = loop
     for candidate in (joined(loop, tolerance), segment(loop.polygon(TRACE * tolerance), tolerance)):
         fewer = len(candidate.points) < len(best.points)

@@ -71,19 +71,15 @@ def _refuse_far(shapes: Sequence[Outlines], strokes: Sequence[Stroke]) -> None:
 
 def _once(shapes: Sequence[Outlines], gap: float) -> tuple[list[Outlines], int]:
     """The shapes without loops that repeat an earlier one within ``gap``, and how many were left out."""
-    kept: list[tuple[Floats, Loop]] = []
-    found, twice = [], 0
-    for shape in shapes:
-        new = []
-        for loop in shape.loops:
-            box = np.array(loop.bounds)
-            if any(np.abs(box - b).max() <= gap and deviation(loop, other) <= gap for b, other in kept):
-                twice += 1
-            else:
-                new.append(loop)
-        kept += [(np.array(loop.bounds), loop) for loop in new]
-        found.append(Outlines(tuple(new)))
-    return [shape for shape in found if shape.loops], twice
+    loops = [loop for shape in shapes for loop in shape.loops]
+    box = np.array([loop.bounds for loop in loops]).reshape(-1, 4)
+    kept = np.ones(len(loops), dtype=np.bool_)
+    for k, loop in enumerate(loops):
+        alike = kept[:k] & (np.abs(box[:k] - box[k]).max(axis=1) <= gap)
+        kept[k] = not any(deviation(loop, loops[h]) <= gap for h in np.flatnonzero(alike).tolist())
+    rest = iter(zip(loops, kept.tolist(), strict=True))
+    found = [Outlines(tuple(loop for loop, keep in (next(rest) for _ in shape.loops) if keep)) for shape in shapes]
+    return [shape for shape in found if shape.loops], int(np.count_nonzero(~kept))
 
 
 def _united(shapes: Sequence[Outlines]) -> list[Loop]:

@@ -305,7 +305,8 @@ def _bezier(control: Sequence[complex], tolerance: float) -> _Part | None:
 
 def _up(stroke: Stroke, unit: float, origin: complex) -> Stroke:
     """A stroke of pixels, y down, in mm, y up."""
-    return Stroke(np.conj(stroke.points - origin) * unit, 0.0 - stroke.bulges)
+    points = np.conj(stroke.points - origin) * unit
+    return Stroke(points.astype(np.complex128), 0.0 - stroke.bulges)
 
 
 def _placed(shape: _Shape, unit: float, origin: complex) -> _Shape:
