@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from d4cad.deviation import deviation
+from d4cad.deviation import SEEN, deviation
 from d4cad.edges import Bools, Complexes, Floats
 from d4cad.errors import GeometryError
 from d4cad.loop import ROUNDING, Loop, fitted_circle
@@ -23,7 +23,7 @@ from d4cad.refinement import Chain, Samples, refined
 
 Indices = NDArray[np.int64]
 
-SHARES = (0.98, 0.9, 0.7)
+SHARES = (0.97, 0.9, 0.7)
 """Shares of the tolerance that edges may use at the points that are looked at: the next where it is exceeded
 between."""
 
@@ -56,7 +56,7 @@ def segment(points: Floats, tolerance: float, *, corners: Sequence[int] = ()) ->
     for share in SHARES:
         chain = _chain(z, share * tolerance, must, closed=True)
         loop = Loop.from_arrays(np.stack([chain.points.real, chain.points.imag], axis=1), chain.bulges)
-        if deviation(loop, polygon) <= tolerance:
+        if deviation(loop, polygon) <= SEEN * tolerance:
             return loop
     return polygon
 
@@ -115,7 +115,7 @@ def _circle(polygon: Loop, tolerance: float) -> Loop | None:
     if circle is None:
         return None
     loop = circle.loop(clockwise=polygon.area < 0)
-    return loop if deviation(loop, polygon) <= tolerance else None
+    return loop if deviation(loop, polygon) <= SEEN * tolerance else None
 
 
 def _bowed(polygon: Loop) -> Loop:

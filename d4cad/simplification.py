@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from d4cad.deviation import deviation
+from d4cad.deviation import SEEN, deviation
 from d4cad.errors import GeometryError
 from d4cad.joining import joined
 from d4cad.loop import Loop
@@ -64,7 +64,7 @@ def simplified_loop(loop: Loop, tolerance: float) -> Loop:
     best = loop
     for candidate in (joined(loop, tolerance), segment(loop.polygon(TRACE * tolerance), tolerance)):
         fewer = len(candidate.points) < len(best.points)
-        if fewer and _is_alike(candidate, loop) and deviation(candidate, loop) <= tolerance:
+        if fewer and _is_alike(candidate, loop) and deviation(candidate, loop) <= SEEN * tolerance:
             best = candidate
     return best
 
