@@ -220,7 +220,7 @@ def test_pictures_that_are_none(
         (["--thickness", "0"], "the thickness must be a positive number in mm, got 0"),
         (["--thickness", "-1", "-o", "part.stl"], "got -1"),
         (["--width", "3", "--dpi", "96"], "expected one of width, scale and dpi, got width and dpi"),
-        (["--origin", "left"], "the origin must be corner or center, got 'left'"),
+        (["--origin", "left"], "the origin must be corner, center or drawing, got 'left'"),
         (["--method", "quick"], "there is no method 'quick'"),
         (["--grammar", "tree"], "there is no grammar 'tree'"),
         (["--init", "start.json"], "there is no program file start.json"),
@@ -236,7 +236,7 @@ def test_requests_that_cannot_be_met(plate: str, args: list[str], message: str) 
 
 @pytest.mark.parametrize(("name"), ["part.step", "part.stp", "part.brep"])
 def test_without_a_cad_kernel_step_is_refused_at_once(plate: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "OCP.gp", None)
+    monkeypatch.setitem(sys.modules, "OCP", None)
     monkeypatch.setattr("d4cad.fit.fit_image", lambda *_: pytest.fail("the fit was started"))
     assert "needs a CAD kernel: pip install" in refused("fit", plate, "-o", name)
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from math import inf, nan
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import ezdxf
@@ -19,7 +17,7 @@ from d4cad.cli import app
 from d4cad.cli.options import Output
 from d4cad.errors import ExportError, InputError
 from d4cad.fit import fit_image
-from d4cad.sketch import Circle, Face, Loop, Sketch
+from d4cad.sketch import Circle, Loop, Sketch
 
 
 def flange() -> Sketch:
@@ -96,18 +94,9 @@ def run(*args: str) -> Any:
     return CliRunner().invoke(app, list(args))
 
 
-def without_holes(sketch: Sketch, distance: float) -> Sketch:
-    """In place of d4cad.offsets: a kerf that closes every hole."""
-    assert distance > 0
-    return Sketch(tuple(Face(face.outer) for face in sketch.faces), sketch.unit)
-
-
 def test_export_gives_each_output_the_options_it_takes(
     program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fake = ModuleType("d4cad.offsets")
-    fake.offset = without_holes  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "d4cad.offsets", fake)
     monkeypatch.chdir(tmp_path)
     outputs = [word for e in (".step", ".3mf", ".glb", ".stl", ".dxf", ".svg") for word in ("-o", f"ring{e}")]
     options = ["--name", "Ring", "--color", "tomato", "--schema", "AP242", "--tolerance", "0.1", "--kerf", "11"]
@@ -119,7 +108,7 @@ def test_export_gives_each_output_the_options_it_takes(
     assert "COLOUR_RGB('',1.,0.3882" in step
     assert "AP242" in step
     (circle,) = ezdxf.readfile("ring.dxf").modelspace()
-    assert circle.dxf.radius == pytest.approx(10, abs=0.01)
+    assert circle.dxf.radius == pytest.approx(10 + 11 / 2, abs=0.01)
     assert len(trimesh.load("ring.stl").faces) < 200
     drawing = Path("ring.svg").read_text()
     assert "<title>Ring</title>" in drawing

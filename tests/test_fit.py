@@ -102,7 +102,7 @@ def test_sizes_are_positive_numbers(name: str, bad: float, tmp_path: Path) -> No
 def test_one_size_and_a_known_origin() -> None:
     with pytest.raises(InputError, match="one of width, scale and dpi, got width and dpi"):
         fitted().sketch(width=3, dpi=4)
-    with pytest.raises(InputError, match="corner or center"):
+    with pytest.raises(InputError, match="corner, center or drawing"):
         fitted().sketch(origin="left")
 
 

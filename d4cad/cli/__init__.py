@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from d4cad import __version__
-from d4cad.cli import bench, check, combine, doctor, export, fit
+from d4cad.cli import bench, check, combine, doctor, export, fit, simplify
 
 app = typer.Typer(
     help="A picture of a part becomes an exact CAD part of lines and arcs.",
@@ -42,5 +42,13 @@ def _common(
     pass
 
 
-for _command in (fit.fit, export.export, check.check, combine.combine, doctor.doctor, bench.bench):
+for _command in (
+    fit.fit,
+    export.export,
+    simplify.simplify,
+    check.check,
+    combine.combine,
+    doctor.doctor,
+    bench.bench,
+):
     app.command()(_command)

@@ -31,7 +31,12 @@ from d4cad.errors import D4cadError
 
 def export(
     program: Annotated[
-        Path, typer.Argument(metavar="PROGRAM", help="A program file that `d4cad fit` wrote.", show_default=False)
+        Path,
+        typer.Argument(
+            metavar="PROGRAM",
+            help="A program file that `d4cad fit` wrote, or a .dxf or .svg drawing.",
+            show_default=False,
+        ),
     ],
     output: Output = None,
     width: Width = None,
@@ -64,7 +69,7 @@ def export(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Write CAD files from a program file. Size, origin and thickness are the file's unless given.
+    """Write CAD files from a program file or drawing. Size, origin and thickness are the file's unless given.
 
     Options that a format cannot hold, such as the kerf of a solid or the fillet of a drawing, go to the other outputs.
     """
