@@ -21,6 +21,7 @@ from d4cad.cli import app
 from d4cad.cutting import near_pairs
 from d4cad.errors import GeometryError
 from d4cad.exporters import occ
+from d4cad.fit import load_program
 from d4cad.grammars.arc_line import ArcLine, Structure
 from d4cad.program import Program
 from d4cad.shapes import generate
@@ -259,12 +260,16 @@ def test_command(tmp_path: Path) -> None:
     assert facts["area_mm2"] == pytest.approx(400 - 12.5 * pi)
     mesh = import_module("trimesh").load_mesh(tmp_path / "out.stl")
     assert mesh.volume == pytest.approx(4 * (400 - 12.5 * pi), rel=1e-3)
+    drawing, program = str(tmp_path / "out.svg"), str(tmp_path / "out.json")
+    result = run(app, ["combine", drawing, "intersection", b, "--at", "1,0", "-o", program, "--json"])
+    assert result.exit_code == 0, result.output
+    assert load_program(program).sketch().area == pytest.approx(json.loads(result.stdout)["area_mm2"], rel=1e-9)
     out = ["-o", str(tmp_path / "none.svg")]
     for bad, sentence in (
         (["combine", a, "intersection", b, "--at", "100,0", *out], "nothing is left"),
         (["combine", a, "union", b, "--at", "1;0", *out], "--at must be two numbers"),
         (["combine", a, "union", b], "nothing to write"),
-        (["combine", a, "union", b, "-o", str(tmp_path / "none.json")], "no program"),
+        (["combine", a, "union", b, "-o", str(tmp_path / "none.png")], "a preview needs the picture"),
         (["combine", a, "union", str(tmp_path / "absent.json"), *out], "no program file"),
     ):
         result = run(app, bad)

@@ -19,7 +19,9 @@ FAILED = 1
 
 
 def check(
-    program: Annotated[Path, typer.Argument(metavar="PROGRAM", help="Program file of the part.", show_default=False)],
+    program: Annotated[
+        Path, typer.Argument(metavar="PROGRAM", help="Program file or drawing of the part.", show_default=False)
+    ],
     process: Annotated[
         str, typer.Option(metavar="NAME", help="laser, cnc or fdm: which checks, and limits.")
     ] = "laser",

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from d4cad.cli.options import Json, Quiet, Thickness
-from d4cad.cli.running import reported
+from d4cad.cli.running import check_outputs, reported, write
 from d4cad.errors import D4cadError
 
 
@@ -23,12 +23,16 @@ class Operation(StrEnum):
 
 
 def combine(
-    first: Annotated[Path, typer.Argument(metavar="A", help="Program file of the first part.", show_default=False)],
+    first: Annotated[
+        Path, typer.Argument(metavar="A", help="Program file or drawing of one part.", show_default=False)
+    ],
     operation: Annotated[Operation, typer.Argument(help="What is kept.", show_default=False)],
-    second: Annotated[Path, typer.Argument(metavar="B", help="Program file of the second part.", show_default=False)],
+    second: Annotated[
+        Path, typer.Argument(metavar="B", help="Program file or drawing of the other.", show_default=False)
+    ],
     output: Annotated[
         list[Path] | None,
-        typer.Option("--output", "-o", metavar="FILE", help="CAD file to write; repeatable.", show_default=False),
+        typer.Option("--output", "-o", metavar="FILE", help="File to write, as `export` does; repeatable."),
     ] = None,
     at: Annotated[str, typer.Option(metavar="X,Y", help="Move B by this many mm first.")] = "0,0",
     thickness: Thickness = None,
@@ -37,28 +41,28 @@ def combine(
 ) -> None:
     """Combine two parts exactly, their lines and arcs kept, and write CAD files.
 
-    Both parts have the size and place that their files state. A program file cannot be written: it would need a canvas.
+    Both parts have the size and place that their files state.
     """
     with reported():
-        from d4cad import booleans, exporters
+        from d4cad import booleans
         from d4cad.cli.parts import pair, read_part, read_thickness
+        from d4cad.importers import Drawing
         from d4cad.placement import DEFAULT_THICKNESS, Placement
 
         Placement(thickness=thickness)
         outputs = output or []
         if not outputs:
             raise D4cadError("there is nothing to write: name a file with -o")
-        for path in outputs:
-            if path.suffix.lower() == ".json":
-                raise D4cadError(f"cannot write {path}: a combined part has no program, only CAD files are written")
-            exporters.check(path, thickness=DEFAULT_THICKNESS)
+        check_outputs(outputs, None, None)
         a, b = read_part(first), read_part(second).translated(*pair(at, ",", "--at"))
         found = getattr(booleans, operation.value)(a, b)
         if not found.faces:
             raise D4cadError(f"nothing is left of {first} {operation.value} {second}")
         height = thickness or read_thickness(first) or DEFAULT_THICKNESS
-        for path in outputs:
-            exporters.write(found, path, thickness=height)
+        from d4cad.programs import from_drawing
+
+        fit = from_drawing(Drawing(found, found.primitives), f"{first.name} {operation.value} {second.name}")
+        write(fit, fit.placement(thickness=height), outputs, None)
         facts = {
             "operation": operation.value,
             "faces": len(found.faces),

@@ -34,7 +34,7 @@ def export(
         Path,
         typer.Argument(
             metavar="PROGRAM",
-            help="A program file that `d4cad fit` wrote, or a .dxf or .svg drawing.",
+            help="A program file, or a .dxf or .svg drawing. or a .dxf or .svg drawing.",
             show_default=False,
         ),
     ],

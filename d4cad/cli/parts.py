@@ -1,4 +1,4 @@
-"""Parts that commands read from program files, in millimetres as the file places them."""
+"""Parts that commands read from program files and drawings, in millimetres as the file places them."""
 
 from __future__ import annotations
 
@@ -13,15 +13,17 @@ if TYPE_CHECKING:
 
 
 def read_loops(path: Path) -> list[Loop]:
-    """The loops of a program file in mm, as they are: they may cross. Raises InputError, which names the file.
+    """The loops of a program file or drawing in mm, as they are: they may cross. Raises InputError.
 
     Loops in world units get the size that the file's placement states and keep their origin; without one they are
     refused, because nothing can be said in mm about them.
     """
-    from d4cad import io
+    from d4cad import importers, io
     from d4cad.fit import load_program
     from d4cad.sketch import loop_from_neutral
 
+    if path.suffix.lower() in importers.EXTENSIONS:
+        return list(importers.read(path).sketch.loops)
     file = io.read(path)
     try:
         loops = [loop_from_neutral(loop, f"loop {k}") for k, loop in enumerate(file.loops)]
@@ -41,7 +43,7 @@ def read_loops(path: Path) -> list[Loop]:
 
 
 def read_part(path: Path) -> Sketch:
-    """The part of a program file in mm; see :func:`read_loops`. Raises InputError where its loops bound no region."""
+    """The part of a program file or drawing in mm; see :func:`read_loops`. InputError if they bound no region."""
     from d4cad.sketch import Sketch
 
     try:
@@ -52,8 +54,10 @@ def read_part(path: Path) -> Sketch:
 
 def read_thickness(path: Path) -> float | None:
     """The thickness in mm that the file's placement states, if any."""
-    from d4cad import io
+    from d4cad import importers, io
 
+    if path.suffix.lower() in importers.EXTENSIONS:
+        return None
     place = io.read(path).settings.get("placement", {})
     value = place.get("thickness") if isinstance(place, dict) else None
     return float(value) if isinstance(value, (int, float)) and value > 0 else None
