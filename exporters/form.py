@@ -14,6 +14,8 @@ from d4cad.errors import InputError
 
 STEEPEST = radians(60)
 """Largest draft angle: beyond it is no draft but a roof."""
+LEAST_DRAFT = radians(0.01) * (1 - 1e-9)
+"""Smaller ones are lost in the CAD kernel's tolerances."""
 
 WHERE = ("top", "bottom", "both")
 OPEN = ("top", "bottom")
@@ -178,6 +180,8 @@ class Form:
         object.__setattr__(self, "pockets", tuple(self.pockets))  # hashable, whatever sequence came
         if not abs(self.draft) <= STEEPEST:
             raise InputError(f"the draft must be from -60 to 60 degrees, got {self.draft * 180 / pi:g}")
+        if 0 < abs(self.draft) < LEAST_DRAFT:
+            raise InputError(f"a draft must be 0 or at least 0.01 degrees, got {self.draft * 180 / pi:g}")
         alone = "a revolution" if self.revolve else "an embossing or engraving" if self.relief else None
         if alone and self.names[1:]:
             raise InputError(f"{alone} cannot have other forms beside it, got {' and '.join(self.names)}")

@@ -270,10 +270,11 @@ def read_volume(path: Path) -> float:
 
 
 sizes = st.floats(4.0, 60.0)
+drafts = st.just(0.0) | st.floats(2e-4, 0.3) | st.floats(-0.3, -2e-4)
 
 
 @settings(max_examples=15, deadline=None)
-@given(sizes, sizes, st.floats(0.1, 1.9), st.floats(-0.3, 0.3), st.sampled_from([Fillet, Chamfer]))
+@given(sizes, sizes, st.floats(0.1, 1.9), drafts, st.sampled_from([Fillet, Chamfer]))
 def test_rectangles_of_any_size(width: float, height: float, size: float, draft: float, rim: Any) -> None:
     """Prismatoids: the frustum's formula holds for any rectangle, and a rim takes less than its square all around."""
     shape, d = sketch(rectangle(width, height)), H * tan(draft)
@@ -391,6 +392,8 @@ def test_forms_that_exclude_each_other() -> None:
     for draft in (nan, 1.2, -2.0):
         with pytest.raises(InputError, match="the draft must be from -60 to 60 degrees"):
             Form(draft=draft)
+    with pytest.raises(InputError, match=r"a draft must be 0 or at least 0\.01 degrees, got 0\.001"):
+        Form(draft=1e-3 * pi / 180)
     for angle in (0.0, -1.0, 7.0, nan):
         with pytest.raises(InputError, match="angle of a revolution"):
             Revolve(angle)
