@@ -13,6 +13,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from d4cad.canvas import Canvas
+from d4cad.interrupts import Interrupts, postponed
 from d4cad.program import Program, Rewrite
 from d4cad.protocols import Estimator, Grammar, Loss, Objective, Stepper, Trial
 
@@ -119,7 +120,8 @@ def descend(
     search = Search(grammar, canvas, method, watch, max_seconds)
     here = Point(program, method.stepper.init(program))
     best, stop = here, Stop.ROUNDS
-    with threadpool_limits(limits=1):  # on more threads small matrices are slower, and round as their number has it
+    # on more threads small matrices are slower, and round as their number has it
+    with postponed() as search.interrupts, threadpool_limits(limits=1):
         try:
             for stage in method.stages:
                 search.enter(stage)
@@ -141,6 +143,7 @@ def descend(
             stop = Stop.INTERRUPTED
         except OutOfTime:
             stop = Stop.TIME
+    stop = Stop.INTERRUPTED if search.interrupts.pressed else stop
     best = min(best, search.latest or best, key=lambda point: point.total)
     return Descent(best.program, best.loss, tuple(search.history), stop)
 
@@ -173,6 +176,7 @@ class Search(Generic[S]):
     history: list[Record] = field(default_factory=list)
     latest: Point[S] | None = None
     steps: int = 0
+    interrupts: Interrupts = field(default_factory=Interrupts)
     started: float = field(default_factory=time.perf_counter)
 
     def enter(self, stage: Stage) -> None:
@@ -186,6 +190,7 @@ class Search(Generic[S]):
         program, state, value = point.program, point.state, inf
         for steps in self.method.rhythm:
             for _ in range(steps):
+                self.interrupts.check()
                 if time.perf_counter() - self.started > self.max_seconds:
                     raise OutOfTime
                 evaluation = loss.evaluate(self.grammar.rasterize(program, self.canvas))

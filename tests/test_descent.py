@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,6 +17,7 @@ from d4cad.canvas import Canvas
 from d4cad.descent import Descent, Method, Point, Record, Search, Stage, Stop, compatible, descend, sampled
 from d4cad.estimators import LocalFit, Stepped
 from d4cad.grammars.arc_line import ArcLine, Structure
+from d4cad.interrupts import postponed
 from d4cad.methods import fast
 from d4cad.objectives.image import ImageLoss
 from d4cad.program import Floats, Program, Rewrite
@@ -141,6 +143,26 @@ def test_stops_at_the_time_limit() -> None:
     assert search(target(), fast(CANVAS), max_seconds=0.0).stop is Stop.TIME
 
 
+def test_ctrl_c_waits_for_a_moment_between_steps() -> None:
+    """Wherever the signal comes, the run ends in order; afterwards Python's own handler is back."""
+
+    def press(record: Record, program: Program[Structure]) -> None:
+        if record.step:
+            signal.raise_signal(signal.SIGINT)
+
+    found = search(target(), fast(CANVAS), press)
+    assert found.stop is Stop.INTERRUPTED
+    assert len(found.history) == 1
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    with postponed() as interrupts:
+        signal.raise_signal(signal.SIGINT)
+        assert interrupts.pressed
+        with pytest.raises(KeyboardInterrupt):
+            interrupts.check()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+
 def test_an_interrupt_keeps_the_best_so_far() -> None:
     def interrupt(record: Record, program: Program[Structure]) -> None:
         if record.accepted and record.loss < 0.02:
@@ -182,6 +204,7 @@ from d4cad.bench import coverage
 from d4cad.canvas import Canvas
 from d4cad.descent import descend
 from d4cad.grammars.arc_line import ArcLine
+from d4cad.interrupts import postponed
 from d4cad.methods import fast
 from d4cad.objectives.image import ImageLoss
 from d4cad.shapes import generate
