@@ -14,8 +14,9 @@ from d4cad.errors import GrammarError
 from d4cad.grammars.arc_line.places import DemandPlaces, Places
 from d4cad.grammars.arc_line.repair import compact, repair
 from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, candidates, rewrite, slits, touched
+from d4cad.grammars.arc_line.scene import Linked, Picture
 from d4cad.grammars.arc_line.structure import Shape, Structure, from_shape, parameter_origin, to_shape
-from d4cad.grammars.arc_line.trials import Linked, Picture, trials
+from d4cad.grammars.arc_line.trials import trials
 from d4cad.program import Edit, Floats, Program, Rewrite
 from d4cad.protocols import Trial
 from d4cad.raster.band import Band
