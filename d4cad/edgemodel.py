@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from d4cad.canvas import Canvas
+from d4cad.canvas import AREA, Canvas
 from d4cad.program import Floats
 
-AREA_RAMP = 0.5
-"""Half-width in pixels of the ramp nearest to area coverage, which is what renderers draw."""
 BLURRED = 0.9
 """A ramp that is measured to be wider than this is blurred; below, the measure cannot tell it from area coverage."""
 WIDEST = 4.0
@@ -19,14 +17,14 @@ BINARY = 0.25
 REACH = 11
 """Side in pixels of the window within which a pixel counts as near an edge."""
 
-AREA_PRICE = 0.03
-"""Least gain in summed squared error where area coverage is fitted by a ramp of half-width 1/2."""
 BLUR_PRICE = 0.25
 """The same for each square pixel of a blurred ramp's half-width: a blur also rounds the corners, over such an area."""
 BINARY_PRICE = 2.5
 """The same where the picture has no grey: a staircase is off by 1/12 a boundary pixel, for many pixels in a row."""
 NOISE_PRICE = 125.0
 """The same in variances of the noise of a pixel."""
+ROUNDING = 1 / 12 / 255**2
+"""Variance of a pixel in 8 bits that comes of rounding alone."""
 ROUNDING_PRICE = 1e-9
 """The same, for each pixel of the canvas, where the picture follows the ramp exactly."""
 
@@ -45,7 +43,7 @@ def exact(target: Floats, canvas: Canvas, noise: float = 0.0) -> EdgeModel:
     noise: standard deviation of a pixel, rounding to 8 bits excepted.
     """
     levels = target * 255
-    rounding = 1 / 12 / 255**2 if np.abs(levels - np.round(levels)).max() < 1e-6 else 0.0
+    rounding = ROUNDING if np.abs(levels - np.round(levels)).max() < 1e-6 else 0.0
     return EdgeModel(canvas.ramp, max(ROUNDING_PRICE * canvas.size, NOISE_PRICE * (noise**2 + rounding)))
 
 
@@ -56,10 +54,10 @@ def measured(target: Floats, noise: float) -> EdgeModel:
     """
     ramp = edge_ramp(target)
     if ramp < BINARY:
-        return EdgeModel(AREA_RAMP, BINARY_PRICE)
-    noisy = NOISE_PRICE * noise**2
+        return EdgeModel(AREA, BINARY_PRICE)
+    noisy = NOISE_PRICE * (noise**2 + ROUNDING)
     if ramp < BLURRED:
-        return EdgeModel(AREA_RAMP, max(AREA_PRICE, noisy))
+        return EdgeModel(AREA, noisy)
     ramp = min(ramp, WIDEST)
     return EdgeModel(ramp, max(BLUR_PRICE * ramp**2, noisy))
 

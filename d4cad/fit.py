@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from d4cad import exporters, io
-from d4cad.canvas import Canvas
+from d4cad.canvas import AREA, Canvas
 from d4cad.descent import Record, Stop, descend
-from d4cad.edgemodel import AREA_RAMP, exact, measured
+from d4cad.edgemodel import exact, measured
 from d4cad.errors import D4cadError, ExportError, GeometryError, InputError
 from d4cad.exporters import preview
 from d4cad.exporters.svg import svg
@@ -202,7 +202,7 @@ def fit_image(
     start = _start(init, grammar)
     picture = load(image, threshold=threshold, invert=invert)
     target = _framed(picture.target)
-    canvas = Canvas.for_image(target.shape, AREA_RAMP if ramp is None else ramp)
+    canvas = Canvas.for_image(target.shape, AREA if ramp is None else ramp)
     model = measured(target, picture.noise) if ramp is None else exact(target, canvas, picture.noise)
     fit = fit_coverage(
         target,
@@ -372,11 +372,11 @@ def joined_outline(grammar: Grammar[Any], program: Program[Any], canvas: Canvas,
     """The program's outline in world units, with neighbours on one line or circle made one edge.
 
     error: mean squared error of the coverage. An edge may move by a few times what the fit is off already: d pixels
-    off change the coverage of a boundary pixel by d / (2 ramp).
+    off change the coverage of a boundary pixel by d / (2 ramp), or by d where it is area.
     """
     coverage = grammar.rasterize(program, canvas).coverage
     band = max(int(np.count_nonzero((coverage > 0) & (coverage < 1))), 1)
-    off = LEEWAY * 2 * canvas.ramp * sqrt(error * canvas.size / band)
+    off = LEEWAY * 2 * (canvas.ramp or 0.5) * sqrt(error * canvas.size / band)
     low, high = JOINING
     return grammar.outline(program).simplified(min(max(off, low), high) * canvas.pixel)
 

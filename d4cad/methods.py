@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from d4cad.canvas import Canvas
+from d4cad.canvas import AREA, Canvas
 from d4cad.descent import Method, Stage
 from d4cad.estimators import LocalFit, Stepped
 from d4cad.program import Floats, Program
@@ -32,6 +32,9 @@ def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
         prices.append(max(prices[-1] / 10, floor))
     if floor > prices[0]:  # searched at the usual price, which leaves more ways open, then pruned at its own
         prices.append(floor)
+    # Coverage of less width shows nothing of an edge that is further off, so the search narrows to it.
     wide = [Stage(ramp, prices[0] / canvas.size, rounds=1) for ramp in (3.0,) if ramp > canvas.ramp]
+    if canvas.ramp == AREA:
+        wide.append(Stage(0.5, prices[0] / canvas.size, rounds=1000))
     sharp = [Stage(canvas.ramp, price / canvas.size, rounds=1000) for price in prices]
     return Method((*wide, *sharp), (12, 6, 6), LevenbergMarquardt(), LocalFit(4))

@@ -24,10 +24,14 @@ so that the kernels' inner loops unroll."""
 class Band:
     """Coverage of a program on a canvas, and its derivative.
 
+    A pixel whose coverage depends on several primitives takes as many entries, one after another, with the same
+    coverage.
+
     shape: (height, width). row, col: (m,) the band's pixels. cover: (m,) their coverage. wound: (m,) uint8, 1 where the
-    pixel's centre is inside. piece: (m,) int32, the primitive nearest to the pixel. slope: (m, NUMBERS) derivative of
-    the coverage by that primitive's numbers. columns: (pieces, NUMBERS) int64, the parameters that these numbers are
-    (-1: fixed). spans: (s, 3) row, first and past-the-last column of runs of inside pixels, band included. size: number
+    pixel lies in one of the spans. piece: (m,) int32, the primitive. slope: (m, NUMBERS) derivative of the coverage by
+    that primitive's numbers. columns: (pieces, NUMBERS) int64, the parameters that these numbers are
+    (-1: fixed). spans: (s, 3) row, first and past-the-last column of runs of inside pixels, which may hold pixels of the
+    band. size: number
     of parameters.
     """
 
@@ -123,6 +127,12 @@ def _pull_back(
     return out
 
 
+@nb.njit(cache=True, inline="always", error_model="numpy")
+def same_pixel(row: NDArray[np.int32], col: NDArray[np.int32], s: int) -> bool:
+    """Whether entry s of a band is of the same pixel as the one before."""
+    return s > 0 and col[s] == col[s - 1] and row[s] == row[s - 1]
+
+
 @nb.njit(cache=True, error_model="numpy")
 def squared_error(
     target: Floats,
@@ -139,11 +149,28 @@ def squared_error(
     for k in range(spans.shape[0]):
         value += runs[spans[k, 0], spans[k, 2]] - runs[spans[k, 0], spans[k, 1]]
     for s in range(row.shape[0]):
+        if same_pixel(row, col, s):
+            continue
         t = target[row[s], col[s]]
         hard = 1.0 - t if wound[s] else t
         soft = cover[s] - t
         value += soft * soft - hard * hard
     return value
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _add_pair(slope: Floats, columns: Ints, s: int, p: int, t: int, q: int, matrix: Floats) -> None:
+    """Add to ``matrix`` what entries s and t of one pixel, of pieces p and q, have in common."""
+    for k in range(NUMBERS):
+        c = columns[p, k]
+        if c < 0:
+            continue
+        for i in range(NUMBERS):
+            d = columns[q, i]
+            if d >= 0:
+                both = slope[s, k] * slope[t, i]
+                matrix[c, d] += both
+                matrix[d, c] += both
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -176,6 +203,11 @@ def add_normal_equations(
             force[p, k] += j * residual
             for i in range(k + 1):
                 block[p, k, i] += j * slope[s, i]
+        t = s
+        while same_pixel(row, col, t):
+            t -= 1
+            if piece[t] < pieces:
+                _add_pair(slope, columns, s, p, t, piece[t], matrix)
     for p in range(pieces):
         for k in range(NUMBERS):
             c = columns[p, k]

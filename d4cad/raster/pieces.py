@@ -147,11 +147,26 @@ def monotone_pieces(table: Floats, x: Floats, y: Floats, nxt: Ints, owner: Ints,
 
 
 @nb.njit(cache=True, inline="always", error_model="numpy")
+def _root(a: float, h: float, c: float, falls: bool) -> float:
+    """The root X of a X^2 + 2 h X + c at which a X + h is >= 0, or <= 0 where the piece ``falls``.
+
+    It is taken in whichever form adds numbers of one sign, so that a = 0 is no special case.
+    """
+    root = math.sqrt(max(h * h - a * c, 0.0))
+    if falls:
+        root = -root
+    if root * h >= 0.0:
+        across = root + h
+        return -c / across if across != 0.0 else 0.0
+    return (root - h) / a
+
+
+@nb.njit(cache=True, inline="always", error_model="numpy")
 def x_at(table: Floats, e: int, ends: Floats, k: int, py: float) -> float:
     """Where piece k of edge e meets the height py (clamped to the piece's own box).
 
     f = A X^2 + 2 B X + C in X = x - x0, and A X + B has the sign of the piece's rise because grad f points right of
-    travel. The root is taken in whichever form adds numbers of one sign, so that A = 0 is no special case.
+    travel.
     """
     xa: float = ends[k, 0]
     ya: float = ends[k, 1]
@@ -171,15 +186,30 @@ def x_at(table: Floats, e: int, ends: Floats, k: int, py: float) -> float:
     a = 2.0 * b
     h = table[e, FLAT] * table[e, SX] - b * length * table[e, CX]
     c = rise * (a * rise - 2.0 * (b * length * table[e, SX] + table[e, FLAT] * table[e, CX]))
-    root = math.sqrt(max(h * h - a * c, 0.0))
-    if yb < ya:
-        root = -root
-    if root * h >= 0.0:
-        across = root + h
-        x = -c / across if across != 0.0 else 0.0
-    else:
-        x = (root - h) / a
-    return float(min(max(x + table[e, X0], low), high))
+    return float(min(max(_root(a, h, c, yb < ya) + table[e, X0], low), high))
+
+
+@nb.njit(cache=True, inline="always", error_model="numpy")
+def y_at(table: Floats, e: int, ends: Floats, k: int, px: float) -> float:
+    """Where piece k of edge e meets the column px (clamped to the piece's own box); as :func:`x_at`, mirrored."""
+    xa: float = ends[k, 0]
+    ya: float = ends[k, 1]
+    xb: float = ends[k, 2]
+    yb: float = ends[k, 3]
+    if px <= min(xa, xb):
+        return ya if xa <= xb else yb
+    if px >= max(xa, xb):
+        return yb if xa <= xb else ya
+    low, high = (ya, yb) if ya < yb else (yb, ya)
+    b = table[e, BULGE]
+    if b == 0.0:
+        return min(max(ya + (px - xa) * (yb - ya) / (xb - xa), low), high)
+    length = table[e, LENGTH]
+    rise = px - table[e, X0]
+    a = -2.0 * b
+    h = table[e, FLAT] * table[e, CX] + b * length * table[e, SX]
+    c = rise * (a * rise - 2.0 * (table[e, FLAT] * table[e, SX] - b * length * table[e, CX]))
+    return float(min(max(_root(a, h, c, xb < xa) + table[e, Y0], low), high))
 
 
 @nb.njit(cache=True, inline="always", error_model="numpy")

@@ -1,4 +1,8 @@
-"""Scanline kernel: loops of lines and arcs to the band of pixels near their boundary. All in pixels, see pieces.py."""
+"""Scanline kernel: loops of lines and arcs to the band of pixels near their boundary. All in pixels, see pieces.py.
+
+Two edge models: a linear ramp over the distance to the boundary, as the paper has it, and exact area coverage (area.py),
+which a ramp of half-width ``AREA`` = 0 stands for.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from d4cad.raster.area import area_band, area_slopes, enter_heights
 from d4cad.raster.pieces import (
     AT_EDGE,
     AT_END,
@@ -36,6 +41,8 @@ from d4cad.raster.pieces import (
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+AREA = 0.0
+"""The half-width of ramp that stands for exact area coverage."""
 ON_EDGE = 1e-9
 """A pixel centre nearer to its edge than this (px) lies on it: rounding would decide on which side."""
 
@@ -43,10 +50,14 @@ ON_EDGE = 1e-9
 class Rows(NamedTuple):
     """The band of pixels nearer than the ramp to the boundary, row by row, and the runs of inside pixels.
 
-    row, col: (m,) int32. cover: (m,) coverage 1/2 - d / (2 ramp). wound: (m,) uint8, 1 where the winding number at the
-    centre is not 0. edge: (m,) int32, the nearest edge. gap: (m,) the distance to it, signed as by the edge. part: (m,)
+    row, col: (m,) int32. cover: (m,) coverage 1/2 - d / (2 ramp). wound: (m,) uint8, 1 where the pixel lies in one of
+    the spans. edge: (m,) int32, the nearest edge. gap: (m,) the distance to it, signed as by the edge. part: (m,)
     uint8, what of the edge is nearest. spans: (k, 3) int64, row, first and past-the-last column of runs of non-zero
-    winding.
+    winding at the pixels' centres. cut: (0, 4).
+
+    By area coverage the pixels are those that the boundary crosses, with an entry for each of the edges there, one after
+    another; gap is then the sign of their motion's effect, cut (m, 4) the part of the edge inside the pixel, and the
+    spans, of whole pixels inside, leave the band out.
     """
 
     row: NDArray[np.int32]
@@ -57,6 +68,7 @@ class Rows(NamedTuple):
     gap: Floats
     part: NDArray[np.uint8]
     spans: Ints
+    cut: Floats
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -76,7 +88,7 @@ def scan(
     owner = np.empty(5 * n, np.int64)
     ends = np.empty((5 * n, 4))
     pieces = monotone_pieces(table, x, y, nxt, owner, ends)
-    entering = np.zeros(max(r1 - r0, 0), np.int64)
+    entering = np.zeros(max(r1 - r0, 0))
     band = scan_rows(table, owner, ends, pieces, entering, r0, r1, c0, c1, ramp)
     slope = slopes(table, band, ramp, unit, n)
     return band.row, band.col, band.cover, band.wound, band.edge, slope, band.spans
@@ -88,7 +100,7 @@ def scan_rows(
     owner: Ints,
     ends: Floats,
     pieces: int,
-    entering: Ints,
+    entering: Floats,
     r0: int,
     r1: int,
     c0: int,
@@ -98,8 +110,40 @@ def scan_rows(
     """The band of edges that are cut into monotone pieces already.
 
     table: (n, COLUMNS); owner, ends: the first ``pieces`` rows count; entering: (r1 - r0,) the winding number that
-    edges not among these, all left of the window, give every row.
+    edges not among these, all left of the window, give every row: at its centre, or on average by area coverage.
     """
+    if ramp == AREA:
+        row, col, cover, edge, sign, cut, spans = area_band(table, owner, ends, pieces, entering, r0, r1, c0, c1)
+        none = np.zeros(row.shape[0], np.uint8)
+        return Rows(row, col, cover, none, edge, sign, none, spans, cut)
+    return _ramp_band(table, owner, ends, pieces, entering, r0, r1, c0, c1, ramp)
+
+
+@nb.njit(cache=True, error_model="numpy")
+def enter(ends: Floats, k: int, r0: int, r1: int, ramp: float, entering: Floats) -> None:
+    """Add to ``entering`` (r1 - r0,) what monotone piece k, all left of a window of those rows, gives each."""
+    if ramp == AREA:
+        enter_heights(ends[k, 1], ends[k, 3], r0, r1, entering)
+        return
+    low, high, turn = level_range(ends, k, r0, r1)
+    for r in range(low, high):
+        entering[r - r0] += turn
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _ramp_band(
+    table: Floats,
+    owner: Ints,
+    ends: Floats,
+    pieces: int,
+    entering: Floats,
+    r0: int,
+    r1: int,
+    c0: int,
+    c1: int,
+    ramp: float,
+) -> Rows:
+    """:func:`scan_rows` by the ramp."""
     rows = r1 - r0
 
     # Pieces of every row, as one array and the rows' first positions in it; a piece wholly right of the window can
@@ -117,9 +161,7 @@ def scan_rows(
         if left - ramp > c1:
             continue
         if right + ramp < c0:
-            lo, hi, turn = level_range(ends, k, r0, r1)
-            for r in range(lo, hi):
-                entering[r - r0] += turn
+            enter(ends, k, r0, r1, ramp, entering)
             continue
         lo = max(math.ceil(bottom - ramp - 0.5), r0)
         hi = min(math.floor(top + ramp - 0.5) + 1, r1)
@@ -217,7 +259,7 @@ def scan_rows(
                 gap[s] = d
                 part[s] = where
 
-        turn = entering[r - r0]
+        turn = int(entering[r - r0])
         spans[span_count, 0] = r
         spans[span_count, 1] = c0
         for i in range(crossed):
@@ -238,7 +280,7 @@ def scan_rows(
         for s in range(begin, m):
             slot[col_of[s] - c0] = -1
             px = col_of[s] + 0.5
-            turn = entering[r - r0]
+            turn = int(entering[r - r0])
             for i in range(crossed):
                 if crossings[i] <= px:
                     turn += turns[i]
@@ -247,7 +289,8 @@ def scan_rows(
             cover[s] = 0.5 + away if turn != 0 else 0.5 - away
 
     return Rows(
-        row_of[:m], col_of[:m], cover[:m], wound[:m], edge[:m], gap[:m], part[:m], spans[:span_count]
+        row_of[:m], col_of[:m], cover[:m], wound[:m], edge[:m], gap[:m], part[:m], spans[:span_count],
+        np.empty((0, 4)),
     )  # fmt: skip
 
 
@@ -260,7 +303,9 @@ def slopes(table: Floats, band: Rows, ramp: float, unit: float, edges: int) -> F
     turns and scales the edge about the other end: the foot at zeta = (q - z0) / (z1 - z0) moves by (1 - zeta) dz0 +
     zeta dz1. The bulge moves it along the normal by -f_b / |grad f|. At a vertex d = |pixel - vertex|.
     """
-    row, col, _, wound, edge, gap, part, _ = band
+    row, col, _, wound, edge, gap, part, _, cut = band
+    if ramp == AREA:
+        return area_slopes(table, edge, gap, cut, unit, edges)
     slope = np.zeros((row.shape[0], 5))
     per_ramp = 0.5 / ramp
     for s in range(row.shape[0]):

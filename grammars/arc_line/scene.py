@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from d4cad.program import Floats
-from d4cad.raster.band import NUMBERS, squared_error
-from d4cad.raster.pieces import COLUMNS, cut_edge, edge_table, fill_edge, level_range, monotone_pieces
-from d4cad.raster.scan import Rows, scan_rows
+from d4cad.raster.band import NUMBERS, same_pixel, squared_error
+from d4cad.raster.pieces import COLUMNS, cut_edge, edge_table, fill_edge, monotone_pieces
+from d4cad.raster.scan import Rows, enter, scan_rows
 
 Ints = NDArray[np.int64]
 
@@ -72,7 +72,7 @@ class Scene(NamedTuple):
     owner: Ints
     ends: Floats
     fixed: int
-    entering: Ints
+    entering: Floats
     empty: float
 
 
@@ -84,7 +84,7 @@ def base_of(loops: Linked, shape: tuple[int, int], ramp: float) -> Base:
     table = edge_table(loops.x, loops.y, loops.b, loops.nxt)
     owner, ends = np.empty(5 * n, np.int64), np.empty((5 * n, 4))
     pieces = monotone_pieces(table, loops.x, loops.y, loops.nxt, owner, ends)
-    band = scan_rows(table, owner, ends, pieces, np.zeros(height, np.int64), 0, height, 0, width, ramp)
+    band = scan_rows(table, owner, ends, pieces, np.zeros(height), 0, height, 0, width, ramp)
     rows = np.arange(height + 1)
     return Base(
         loops,
@@ -102,7 +102,7 @@ def base_of(loops: Linked, shape: tuple[int, int], ramp: float) -> Base:
 def base_error(base: Base, picture: Picture, r0: int, r1: int, c0: int, c1: int) -> float:
     """Squared error of the base in a window."""
     target, runs, squares = picture
-    row, col, cover, wound, _, _, _, spans = base.band
+    row, col, cover, wound, _, _, _, spans, _ = base.band
     total = 0.0
     for r in range(r0, r1):
         total += squares[r, c1] - squares[r, c0]
@@ -111,7 +111,7 @@ def base_error(base: Base, picture: Picture, r0: int, r1: int, c0: int, c1: int)
         if start < stop:
             total += runs[spans[k, 0], stop] - runs[spans[k, 0], start]
     for s in range(base.first[r0], base.first[r1]):
-        if c0 <= col[s] < c1:
+        if c0 <= col[s] < c1 and not same_pixel(row, col, s):
             t = target[row[s], col[s]]
             hard = 1.0 - t if wound[s] else t
             total += (cover[s] - t) ** 2 - hard * hard
@@ -156,7 +156,7 @@ def scene_of(
     table = np.empty((moving.shape[0] + n, COLUMNS))
     owner = np.empty(base.pieces + 5 * moving.shape[0], np.int64)
     ends = np.empty((owner.shape[0], 4))
-    entering = np.zeros(r1 - r0, np.int64)
+    entering = np.zeros(r1 - r0)
     last, edges, fixed = -1, moving.shape[0], 0
     for k in range(base.pieces):
         e = base.owner[k]
@@ -164,9 +164,7 @@ def scene_of(
         if gone[e] or min(xa, xb) - ramp > c1 or min(ya, yb) - ramp > r1 or max(ya, yb) + ramp < r0:
             continue
         if max(xa, xb) + ramp < c0:
-            low, high, turn = level_range(base.ends, k, r0, r1)
-            for r in range(low, high):
-                entering[r - r0] += turn
+            enter(base.ends, k, r0, r1, ramp, entering)
             continue
         if e != last:
             table[edges] = base.table[e]
