@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from d4cad.canvas import Canvas
 from d4cad.program import Program, Rewrite
-from d4cad.protocols import Estimator, Grammar, Loss, Objective, Stepper, Trial
+from d4cad.protocols import STIFF, Bonded, Estimator, Evaluation, Grammar, Loss, Objective, Stepper, Trial
 
 S = TypeVar("S")
 
@@ -35,7 +35,7 @@ class Stage:
 
     ramp: half-width of the coverage ramp in pixels. price: loss that one unit of complexity may cost. rounds: at most
     so many rounds of steps and rewrites. patience: rounds without a relative gain of ``tolerance`` before the stage
-    ends.
+    ends. without: names of rules that are not used in it.
     """
 
     ramp: float
@@ -43,6 +43,7 @@ class Stage:
     rounds: int
     patience: int = 0
     tolerance: float = 0.0
+    without: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,14 +189,18 @@ class Search(Generic[S]):
             for _ in range(steps):
                 if time.perf_counter() - self.started > self.max_seconds:
                     raise OutOfTime
-                evaluation = loss.evaluate(self.grammar.rasterize(program, self.canvas))
+                evaluation = self._evaluate(program, loss)
                 params, state = stepper.step(program, evaluation, state)
                 program = program.moved(params)
                 self.steps += 1
                 if stepper.settled(state):
                     break
-            params, value = stepper.best(program.params, self._loss(program, loss), state)
+            params, value = stepper.best(program.params, self._strained(program, loss), state)
             program = program.moved(params)
+            if isinstance(self.grammar, Bonded):
+                tight = self.grammar.tightened(program)
+                if tight is not program:
+                    program, value = tight, self._loss(tight, loss)
             edit = self.grammar.repair(program)
             if edit.program is not program:
                 program, state = edit.program, stepper.carry(state, edit)
@@ -211,7 +216,8 @@ class Search(Generic[S]):
         """The sampled proposals, scored."""
         grammar, method = self.grammar, self.method
         demand = loss.demand(grammar.rasterize(here.program, self.canvas))
-        rewrites = sampled(grammar.rewrites(here.program, demand, self.canvas, rng), method, rng)
+        offered = grammar.rewrites(here.program, demand, self.canvas, rng)
+        rewrites = sampled([r for r in offered if r.rule not in self.stage.without], method, rng)
         return method.estimator.estimate(here.program, rewrites, grammar, loss, self.canvas, self.stage.price)
 
     def combine(self, here: Point[S], chosen: Sequence[Rewrite], loss: Loss) -> tuple[Point[S], int]:
@@ -235,6 +241,29 @@ class Search(Generic[S]):
         self.history.append(entry)
         if self.watch is not None:
             self.watch(entry, point.program)
+
+    def _evaluate(self, program: Program[S], loss: Loss) -> Evaluation:
+        """The loss with the squares of the grammar's bonds, as stiff springs: a step goes along them, not across."""
+        evaluation = loss.evaluate(self.grammar.rasterize(program, self.canvas))
+        if not isinstance(self.grammar, Bonded):
+            return evaluation
+        off, jacobian = self.grammar.bonds(program)
+        if off.size == 0 or evaluation.curvature is None:
+            return evaluation
+        stiff = STIFF * self.stage.price
+        return Evaluation(
+            evaluation.value + stiff * float(off @ off),
+            evaluation.gradient + 2 * stiff * (off @ jacobian),
+            evaluation.curvature + 2 * stiff * (jacobian.T @ jacobian),
+        )
+
+    def _strained(self, program: Program[S], loss: Loss) -> float:
+        """The value that :meth:`_evaluate` gives."""
+        value = self._loss(program, loss)
+        if isinstance(self.grammar, Bonded):
+            off, _ = self.grammar.bonds(program)
+            value += STIFF * self.stage.price * float(off @ off)
+        return value
 
     def _loss(self, program: Program[S], loss: Loss) -> float:
         return loss.value(self.grammar.rasterize(program, self.canvas))

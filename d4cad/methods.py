@@ -11,6 +11,8 @@ from d4cad.estimators import LocalFit, Stepped
 from d4cad.program import Floats, Program
 from d4cad.steppers import ClippedGradient, LevenbergMarquardt
 
+JOINTS = frozenset(("smooth", "sharpen"))
+
 
 def paper(canvas: Canvas, metric: Callable[[Program[Any]], Floats] | None = None) -> Method:
     """The publication's settings (SPEC 1.7, AL-F): clipped gradient, 64 sampled proposals, one trial step, no re-check.
@@ -33,8 +35,10 @@ def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
     if floor > prices[0]:  # searched at the usual price, which leaves more ways open, then pruned at its own
         prices.append(floor)
     # Coverage of less width shows nothing of an edge that is further off, so the search narrows to it.
-    wide = [Stage(ramp, prices[0] / canvas.size, rounds=1) for ramp in (3.0,) if ramp > canvas.ramp]
+    wide = [Stage(ramp, prices[0] / canvas.size, rounds=1, without=JOINTS) for ramp in (3.0,) if ramp > canvas.ramp]
     if canvas.ramp == AREA:
-        wide.append(Stage(0.5, prices[0] / canvas.size, rounds=1000))
-    sharp = [Stage(canvas.ramp, price / canvas.size, rounds=1000) for price in prices]
+        wide.append(Stage(0.5, prices[0] / canvas.size, rounds=1000, without=JOINTS))
+    sharp = [Stage(canvas.ramp, price / canvas.size, rounds=1000, without=JOINTS) for price in prices]
+    # Which joints are smooth is asked of a shape that is known otherwise.
+    sharp.append(Stage(canvas.ramp, prices[-1] / canvas.size, rounds=1000))
     return Method((*wide, *sharp), (12, 6, 6), LevenbergMarquardt(), LocalFit(4))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -106,6 +106,23 @@ class Grammar(Protocol[S]):
 
     def decode(self, value: Any) -> S:
         """The structure back from JSON values; GrammarError if they are not one."""
+        ...
+
+
+STIFF = 1e6
+"""Stiffness of a grammar's bonds in prices of a primitive: off by a thousandth, a bond costs as much as one."""
+
+
+@runtime_checkable
+class Bonded(Protocol):
+    """A grammar whose structures tie parameters to each other, beyond what a loss sees."""
+
+    def bonds(self, program: Program[Any]) -> tuple[Floats, Floats]:
+        """What is to be 0, (k,), and its derivatives by the parameters, (k, n)."""
+        ...
+
+    def tightened(self, program: Program[Any]) -> Program[Any]:
+        """The nearest program with all bonds 0."""
         ...
 
 

@@ -15,7 +15,9 @@ from d4cad.grammars.arc_line.places import DemandPlaces, Places
 from d4cad.grammars.arc_line.repair import compact, repair
 from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, candidates, rewrite, slits, touched
 from d4cad.grammars.arc_line.scene import Linked, Picture
-from d4cad.grammars.arc_line.structure import Shape, Structure, from_shape, parameter_origin, to_shape
+from d4cad.grammars.arc_line.joints import JOINTS, joint_rewrites, joint_trials
+from d4cad.grammars.arc_line.structure import Shape, Structure, followers, from_shape, parameter_origin, still_smooth, to_shape
+from d4cad.grammars.arc_line.tangency import kinks, smoothed
 from d4cad.grammars.arc_line.trials import trials
 from d4cad.program import Edit, Floats, Program, Rewrite
 from d4cad.protocols import Trial
@@ -48,6 +50,7 @@ class ArcLine:
     lossy: float = 12.0
     slit: float = 3.0
     arc_weight: float = 1.5
+    joint_weight: float = 0.5
 
     @property
     def name(self) -> str:
@@ -60,20 +63,26 @@ class ArcLine:
         return Program(Structure((4,), (False,) * 4), np.array([ex, 0.0, 0.0, ey, -ex, 0.0, 0.0, -ey]))
 
     def complexity(self, program: Program[Structure]) -> float:
-        """Number of edges, arcs counted by their weight."""
-        arcs = sum(program.structure.arcs)
-        return len(program.structure.arcs) + (self.arc_weight - 1) * arcs
+        """Number of edges, arcs counted by their weight, less that of the smooth joints."""
+        structure = program.structure
+        return (
+            len(structure.arcs)
+            + (self.arc_weight - 1) * sum(structure.arcs)
+            - self.joint_weight * len(structure.smooth)
+        )
 
     def primitives(self, program: Program[Structure]) -> int:
         """Number of edges."""
         return len(program.structure.arcs)
 
     def growth(self, program: Program[Structure], rewrite: Rewrite) -> float:
-        """Change of the complexity."""
+        """Change of the complexity, smooth joints that a change of their edges ends not counted."""
         rule, arcs, arc = RULES[rewrite.rule], program.structure.arcs, self.arc_weight
         i = int(rewrite.data[0])
         if rule == Rule.ADD_LOOP:
             return 4 * arc
+        if rule == Rule.SMOOTH or rule == Rule.SHARPEN:
+            return -self.joint_weight if rule == Rule.SMOOTH else self.joint_weight
         here = arc if arcs[i] else 1.0
         if rule == Rule.SPLIT or rule == Rule.CLOSE:
             return here if rule == Rule.SPLIT else -here
@@ -106,7 +115,8 @@ class ArcLine:
         x, y, b, arc, sizes, vertex, edge, changed = repair(*shape)
         if not changed:
             return Edit(program, np.arange(layout.size))
-        mended = from_shape(Shape(x, y, b, arc, layout.nxt), sizes, 1 / self.pixel)
+        smooth = still_smooth(vertex, edge, followers(sizes), layout.smooth, layout)
+        mended = from_shape(Shape(x, y, b, arc, layout.nxt), sizes, 1 / self.pixel, smooth=smooth)
         return Edit(mended, parameter_origin(vertex, edge, arc, layout))
 
     def rewrites(
@@ -125,6 +135,7 @@ class ArcLine:
             for i, j, points in zip(*(part.tolist() for part in pairs), strict=True):
                 ends = frozenset((i, j, int(shape.nxt[i]), int(shape.nxt[j])))
                 found.append(Rewrite("pinch", ends, (float(i), float(j), *map(float, points))))
+        found += [rewrite for rewrite in joint_rewrites(program) if rewrite.rule in self.rules]
         if "remove-loop" in self.rules and len(program.structure.sizes) > 1:
             start = 0
             for size in program.structure.sizes:
@@ -148,8 +159,12 @@ class ArcLine:
         used = n
         vertices, edges = np.empty(4, np.int64), np.empty(4, np.int64)
         fresh_b: list[int] = []
+        joints = set(program.structure.smooth)
         for item in rewrites:
             rule, site = RULES[item.rule], int(item.data[0])
+            if item.rule in JOINTS:
+                joints.symmetric_difference_update([site])
+                continue
             data = _data(item, 1 / self.pixel)
             free, own = touched(rule, site, data, nxt, prv, used, vertices, edges)
             used = rewrite(rule, site, data, x, y, b, arc, nxt, prv, used)
@@ -169,7 +184,8 @@ class ArcLine:
         x, y, b, arc, _, vertex, edge, sizes = compact(
             x[:used], y[:used], b[:used], arc[:used], nxt[:used], number, same_edge, keep
         )
-        changed = from_shape(Shape(x, y, b, arc, nxt), sizes, 1 / self.pixel)
+        smooth = still_smooth(vertex, edge, followers(sizes), np.array(sorted(joints), np.int64), layout)
+        changed = from_shape(Shape(x, y, b, arc, nxt), sizes, 1 / self.pixel, smooth=smooth)
         return Edit(changed, parameter_origin(vertex, edge, arc, layout))
 
     def local_trials(
@@ -181,9 +197,18 @@ class ArcLine:
         price: float,
         steps: int,
     ) -> list[Trial]:
-        """Each rewrite with the values that at most ``steps`` local steps find for it, and what it gains."""
+        """Each rewrite with the values that at most ``steps`` local steps find for it, and what it gains.
+
+        The gain of smooth joints is that of the whole program by its linearisation.
+        """
+        joints = [rewrite for rewrite in rewrites if rewrite.rule in JOINTS]
+        found = []
+        if joints:
+            evaluation = loss.evaluate(self.rasterize(program, canvas))
+            found = joint_trials(program, joints, evaluation, price, self.joint_weight)
+        rewrites = [rewrite for rewrite in rewrites if rewrite.rule not in JOINTS]
         if not rewrites:
-            return []
+            return found
         middle = np.array([canvas.width / 2, canvas.height / 2, 0.0])
         rules = np.array([RULES[r.rule] for r in rewrites], np.int64)
         data = np.array([(*r.data, 0.0, 0.0, 0.0)[:4] for r in rewrites])
@@ -196,10 +221,18 @@ class ArcLine:
         # Places of vertices to the grammar's pixels; bulges, behind them, stay as they are.
         places = (fit - np.resize(middle[:2], fit.shape[1])) * (canvas.pixel / self.pixel)
         fit = np.where(np.arange(fit.shape[1]) < 2 * free[:, None], places, fit)
-        return [
+        return found + [
             Trial(Rewrite(rewrites[k].rule, rewrites[k].sites, rewrites[k].data, fit[k]), float(gain[k]) / canvas.size)
             for k in np.flatnonzero(gain > 0).tolist()
         ]
+
+    def bonds(self, program: Program[Structure]) -> tuple[Floats, Floats]:
+        """The kinks at the smooth joints in radians, (k,), and their derivatives (k, n)."""
+        return kinks(program, program.structure.layout.smooth)
+
+    def tightened(self, program: Program[Structure]) -> Program[Structure]:
+        """The program with its smooth joints exactly smooth."""
+        return smoothed(program)
 
     def outline(self, program: Program[Structure]) -> Sketch:
         """The loops as an exact sketch in world units."""
@@ -215,20 +248,24 @@ class ArcLine:
         return Sketch.from_loops(loops, "world")
 
     def encode(self, structure: Structure) -> Any:
-        """Each loop as a word: L for a line, A for an arc."""
-        letters = "".join("A" if arc else "L" for arc in structure.arcs)
+        """Each loop as a word: L for a line, A for an arc, in lower case where it starts at a smooth joint."""
+        letters = ["A" if arc else "L" for arc in structure.arcs]
+        for i in structure.smooth:
+            letters[i] = letters[i].lower()
         ends = np.cumsum((0, *structure.sizes))
-        return [letters[a:b] for a, b in pairwise(ends)]
+        return ["".join(letters[a:b]) for a, b in pairwise(ends)]
 
     def decode(self, value: Any) -> Structure:
         """The structure from its words."""
         if (
             not isinstance(value, list)
             or not value
-            or not all(isinstance(w, str) and set(w) <= {"L", "A"} for w in value)
+            or not all(isinstance(w, str) and set(w) <= {"L", "A", "l", "a"} for w in value)
         ):
             raise GrammarError(f"an Arc-Line structure is a list of words of L and A, got {value!r}")
-        return Structure(tuple(len(word) for word in value), tuple(letter == "A" for word in value for letter in word))
+        letters = "".join(value)
+        smooth = tuple(i for i, letter in enumerate(letters) if letter.islower())
+        return Structure(tuple(len(word) for word in value), tuple(x in "Aa" for x in letters), smooth)
 
 
 def _on(program: Program[Structure], canvas: Canvas) -> Shape:
