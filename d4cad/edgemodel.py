@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 
@@ -21,6 +22,8 @@ BLUR_PRICE = 0.25
 """The same for each square pixel of a blurred ramp's half-width: a blur also rounds the corners, over such an area."""
 BINARY_PRICE = 2.5
 """The same where the picture has no grey: a staircase is off by 1/12 a boundary pixel, for many pixels in a row."""
+STAIRCASE = 1 / sqrt(12)
+"""Standard deviation of a boundary pixel there."""
 NOISE_PRICE = 125.0
 """The same in variances of the noise of a pixel."""
 ROUNDING = 1 / 12 / 255**2
@@ -31,10 +34,12 @@ ROUNDING_PRICE = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class EdgeModel:
-    """ramp: half-width of the coverage ramp in pixels. floor: least gain of a primitive in summed squared error."""
+    """ramp: half-width of the coverage ramp in pixels, 0 for area coverage. floor: least gain of a primitive in summed
+    squared error. noise: standard deviation of a pixel at the boundary."""
 
     ramp: float
     floor: float
+    noise: float = 0.0
 
 
 def exact(target: Floats, canvas: Canvas, noise: float = 0.0) -> EdgeModel:
@@ -54,12 +59,12 @@ def measured(target: Floats, noise: float) -> EdgeModel:
     """
     ramp = edge_ramp(target)
     if ramp < BINARY:
-        return EdgeModel(AREA, BINARY_PRICE)
+        return EdgeModel(AREA, BINARY_PRICE, STAIRCASE)
     noisy = NOISE_PRICE * (noise**2 + ROUNDING)
     if ramp < BLURRED:
-        return EdgeModel(AREA, noisy)
+        return EdgeModel(AREA, noisy, noise)
     ramp = min(ramp, WIDEST)
-    return EdgeModel(ramp, max(BLUR_PRICE * ramp**2, noisy))
+    return EdgeModel(ramp, max(BLUR_PRICE * ramp**2, noisy), noise)
 
 
 def edge_ramp(target: Floats) -> float:

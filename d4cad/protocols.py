@@ -13,6 +13,7 @@ from d4cad.program import Edit, Floats, Program, Rewrite
 from d4cad.raster.band import Band
 
 if TYPE_CHECKING:
+    from d4cad.loop import Loop
     from d4cad.sketch import Sketch
 
 S = TypeVar("S")
@@ -111,6 +112,15 @@ class Grammar(Protocol[S]):
 
 STIFF = 1e6
 """Stiffness of a grammar's bonds in prices of a primitive: off by a thousandth, a bond costs as much as one."""
+
+
+@runtime_checkable
+class Tracer(Protocol):
+    """A grammar that can start from loops of lines and arcs."""
+
+    def drawn(self, loops: Sequence[Loop]) -> Program[Any]:
+        """The program of loops in world units, the inside on their left."""
+        ...
 
 
 @runtime_checkable

@@ -25,6 +25,7 @@ from d4cad.raster.band import Band
 from d4cad.raster.scan import scan
 
 if TYPE_CHECKING:
+    from d4cad.loop import Loop
     from d4cad.sketch import Sketch
 
 NAMES = {int(rule): rule.name.lower().replace("_", "-") for rule in Rule}
@@ -61,6 +62,13 @@ class ArcLine:
         """The paper's diamond, with corners at two thirds of the canvas' half-sizes."""
         ex, ey = (2 * side / 3 for side in canvas.extent)
         return Program(Structure((4,), (False,) * 4), np.array([ex, 0.0, 0.0, ey, -ex, 0.0, 0.0, -ey]))
+
+    def drawn(self, loops: Sequence[Loop]) -> Program[Structure]:
+        """The program of loops in world units, the inside on their left."""
+        bulges = [b for loop in loops for b in loop.bulges]
+        points = [number for loop in loops for point in loop.points for number in point]
+        structure = Structure(tuple(len(loop.bulges) for loop in loops), tuple(b != 0 for b in bulges))
+        return Program(structure, np.array([*points, *(b for b in bulges if b != 0)]))
 
     def complexity(self, program: Program[Structure]) -> float:
         """Number of edges, arcs counted by their weight, less that of the smooth joints."""
