@@ -18,6 +18,9 @@ from d4cad.protocols import STIFF, Bonded, Estimator, Evaluation, Grammar, Loss,
 
 S = TypeVar("S")
 
+BINDINGS = 3
+"""At most so many times are bonds looked for after a rewrite."""
+
 
 class Stop(Enum):
     """Why a run ended, in words."""
@@ -227,12 +230,35 @@ class Search(Generic[S]):
             there = Point(edit.program, self.method.stepper.carry(here.state, edit))
             if not self.method.recheck:
                 return there, len(chosen)
-            there = self.settle(there, loss)
+            there = self.bound(self.settle(there, loss), loss)
             if there.total < here.total:
                 return there, len(chosen)
             chosen = chosen[: len(chosen) // 3 or (1 if len(chosen) > 1 else 0)]
         self.latest = here
         return here, 0
+
+    def bound(self, point: Point[S], loss: Loss) -> Point[S]:
+        """The point with all bonds of its program that pay, if the stage allows them: a rewrite may have ended some, and
+        is to be compared with new ones in their place.
+        """
+        grammar, method = self.grammar, self.method
+        for _ in range(BINDINGS if isinstance(grammar, Bonded) else 0):
+            assert isinstance(grammar, Bonded)
+            offered = [r for r in grammar.ties(point.program) if r.rule not in self.stage.without]
+            if not offered:
+                break
+            trials = method.estimator.estimate(
+                point.program, offered, self.grammar, loss, self.canvas, self.stage.price
+            )
+            chosen = compatible(trials)
+            if not chosen:
+                break
+            edit = self.grammar.apply(point.program, chosen)
+            there = self.settle(Point(edit.program, method.stepper.carry(point.state, edit)), loss)
+            if there.total >= point.total:
+                break
+            point = there
+        return point
 
     def record(self, point: Point[S], accepted: int) -> None:
         """Write the round down and tell the watcher."""

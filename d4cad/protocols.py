@@ -127,6 +127,10 @@ class Tracer(Protocol):
 class Bonded(Protocol):
     """A grammar whose structures tie parameters to each other, beyond what a loss sees."""
 
+    def ties(self, program: Program[Any]) -> list[Rewrite]:
+        """The rewrites that make or free bonds and leave the shape nearly as it is."""
+        ...
+
     def bonds(self, program: Program[Any]) -> tuple[Floats, Floats]:
         """What is to be 0, (k,), and its derivatives by the parameters, (k, n)."""
         ...

@@ -15,7 +15,7 @@ from d4cad.grammars.arc_line.places import DemandPlaces, Places
 from d4cad.grammars.arc_line.repair import compact, repair
 from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, candidates, rewrite, slits, touched
 from d4cad.grammars.arc_line.scene import Linked, Picture
-from d4cad.grammars.arc_line.joints import JOINTS, joint_rewrites, joint_trials
+from d4cad.grammars.arc_line.joints import JOINTS, joint_rewrites, joint_trials, tied_at
 from d4cad.grammars.arc_line.structure import Shape, Structure, followers, from_shape, parameter_origin, still_smooth, to_shape
 from d4cad.grammars.arc_line.tangency import kinks, smoothed
 from d4cad.grammars.arc_line.trials import trials
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 NAMES = {int(rule): rule.name.lower().replace("_", "-") for rule in Rule}
 """Names of the rules by their numbers, which are what the kernels take."""
 RULES = {name: rule for rule, name in NAMES.items()}
-"""Numbers of the rules by their names."""
+"""Numbers of the rules by their names, those of joints excepted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class ArcLine:
     """
 
     pixel: float = 3 / 256
-    rules: frozenset[str] = frozenset(RULES)
+    rules: frozenset[str] = frozenset((*RULES, *JOINTS))
     places: Places = field(default_factory=DemandPlaces)
     lossy: float = 12.0
     slit: float = 3.0
@@ -85,12 +85,19 @@ class ArcLine:
 
     def growth(self, program: Program[Structure], rewrite: Rewrite) -> float:
         """Change of the complexity, smooth joints that a change of their edges ends not counted."""
-        rule, arcs, arc = RULES[rewrite.rule], program.structure.arcs, self.arc_weight
+        arcs, arc = program.structure.arcs, self.arc_weight
         i = int(rewrite.data[0])
+        if rewrite.rule in JOINTS:
+            smooth, layout = program.structure.smooth, program.structure.layout
+            tied = set(tied_at(rewrite.rule, i, layout)) - set(smooth)
+            change = 1.0 if rewrite.rule == "sharpen" else -float(len(tied))
+            if rewrite.rule == "straighten":
+                lost = [v for v, e in ((i, layout.prv[i]), (layout.nxt[i], layout.nxt[i])) if not arcs[e] and v in smooth]
+                return self.joint_weight * (change + len(lost)) + 1 - arc
+            return self.joint_weight * change
+        rule = RULES[rewrite.rule]
         if rule == Rule.ADD_LOOP:
             return 4 * arc
-        if rule == Rule.SMOOTH or rule == Rule.SHARPEN:
-            return -self.joint_weight if rule == Rule.SMOOTH else self.joint_weight
         here = arc if arcs[i] else 1.0
         if rule == Rule.SPLIT or rule == Rule.CLOSE:
             return here if rule == Rule.SPLIT else -here
@@ -143,7 +150,7 @@ class ArcLine:
             for i, j, points in zip(*(part.tolist() for part in pairs), strict=True):
                 ends = frozenset((i, j, int(shape.nxt[i]), int(shape.nxt[j])))
                 found.append(Rewrite("pinch", ends, (float(i), float(j), *map(float, points))))
-        found += [rewrite for rewrite in joint_rewrites(program) if rewrite.rule in self.rules]
+        found += self.ties(program)
         if "remove-loop" in self.rules and len(program.structure.sizes) > 1:
             start = 0
             for size in program.structure.sizes:
@@ -169,11 +176,16 @@ class ArcLine:
         fresh_b: list[int] = []
         joints = set(program.structure.smooth)
         for item in rewrites:
-            rule, site = RULES[item.rule], int(item.data[0])
+            site = int(item.data[0])
             if item.rule in JOINTS:
-                joints.symmetric_difference_update([site])
+                joints.difference_update([site] if item.rule == "sharpen" else [])
+                joints.update(tied_at(item.rule, site, layout))
+                if item.rule == "straighten":
+                    arc[site], b[site] = False, 0.0
+                    # A joint of two lines is none.
+                    joints -= {v for v in (site, int(nxt[site])) if not (arc[v] or arc[prv[v]])}
                 continue
-            data = _data(item, 1 / self.pixel)
+            rule, data = RULES[item.rule], _data(item, 1 / self.pixel)
             free, own = touched(rule, site, data, nxt, prv, used, vertices, edges)
             used = rewrite(rule, site, data, x, y, b, arc, nxt, prv, used)
             if item.fit is not None:
@@ -213,7 +225,7 @@ class ArcLine:
         found = []
         if joints:
             evaluation = loss.evaluate(self.rasterize(program, canvas))
-            found = joint_trials(program, joints, evaluation, price, self.joint_weight)
+            found = joint_trials(program, joints, evaluation, price, [self.growth(program, r) for r in joints])
         rewrites = [rewrite for rewrite in rewrites if rewrite.rule not in JOINTS]
         if not rewrites:
             return found
@@ -233,6 +245,10 @@ class ArcLine:
             Trial(Rewrite(rewrites[k].rule, rewrites[k].sites, rewrites[k].data, fit[k]), float(gain[k]) / canvas.size)
             for k in np.flatnonzero(gain > 0).tolist()
         ]
+
+    def ties(self, program: Program[Structure]) -> list[Rewrite]:
+        """The rewrites that make or free bonds and leave the shape nearly as it is."""
+        return [rewrite for rewrite in joint_rewrites(program) if rewrite.rule in self.rules]
 
     def bonds(self, program: Program[Structure]) -> tuple[Floats, Floats]:
         """The kinks at the smooth joints in radians, (k,), and their derivatives (k, n)."""

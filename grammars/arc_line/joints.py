@@ -1,9 +1,9 @@
-"""Rewrites that make a joint smooth, or free it, and what each would change in the loss of the whole program.
+"""Rewrites that tie the curves at a joint, or free them, and what each would change in the loss of the whole program.
 
 A joint's place along a nearly tangent curve is hardly seen in a picture, but its tangency fixes it. A trial inside a
 window would not do: the curves give way along their whole length. So the loss is linearised: with the Gauss-Newton
-matrix H and the joint's kink k and its derivative g, closing the kink costs k^2 / (2 g H^-1 g'), and freeing a joint
-that pulls with the multiplier m gains m^2 (g H^-1 g') / 2.
+matrix H, tying what is off by c (kinks, a bulge) with the derivatives G costs c' (G H^-1 G')^-1 c / 2, and freeing a
+joint that pulls with the multiplier m gains m^2 (g H^-1 g') / 2.
 """
 
 from __future__ import annotations
@@ -13,50 +13,105 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from d4cad.grammars.arc_line.structure import Structure
+from d4cad.grammars.arc_line.structure import Layout, Structure
 from d4cad.grammars.arc_line.tangency import kinks
-from d4cad.program import Program, Rewrite
+from d4cad.program import Floats, Program, Rewrite
 from d4cad.protocols import STIFF, Evaluation, Trial
 
-JOINTS = ("smooth", "sharpen")
-"""The rules of this file."""
+JOINTS = ("smooth", "sharpen", "fillet", "straighten")
+"""The rules of this file. smooth, sharpen: vertex i becomes a smooth joint, or no longer is one. fillet: both ends of
+arc i become smooth. straighten: arc i becomes a line, with smooth ends at the arcs beside it."""
 WIDEST = 0.6
 """The largest kink in radians that is proposed to be smooth."""
+FLAT = 0.2
+"""The largest bulge of an arc that is proposed to be straight."""
+
+
+def tied_at(rule: str, i: int, layout: Layout) -> list[int]:
+    """The vertices that a rewrite makes smooth."""
+    if rule == "smooth":
+        return [i]
+    ends = [(i, int(layout.prv[i])), (int(layout.nxt[i]), int(layout.nxt[i]))]
+    if rule == "fillet":
+        return [vertex for vertex, _ in ends]
+    return [vertex for vertex, beside in ends if layout.arc[beside]] if rule == "straighten" else []
 
 
 def joint_rewrites(program: Program[Structure]) -> list[Rewrite]:
-    """Smooth joints to be freed, and the others at an arc that turn by little to be made smooth."""
+    """All that can be freed, and all at an arc that is off by little."""
     layout = program.structure.layout
+    n = len(layout.nxt)
     smooth = set(program.structure.smooth)
-    at = np.flatnonzero(layout.arc | layout.arc[layout.prv])
+    at = np.arange(n)
     angle, _ = kinks(program, at)
+    small = np.abs(angle) < WIDEST
+    bulge = np.where(layout.arc, program.params[np.maximum(layout.columns[:, 4], 0)], 0.0)
     found = []
-    for i, kink in zip(at.tolist(), angle.tolist(), strict=True):
-        if i in smooth or abs(kink) < WIDEST:
-            found.append(Rewrite("sharpen" if i in smooth else "smooth", frozenset((i,)), (float(i),)))
+    for i in range(n):
+        j = int(layout.nxt[i])
+        if layout.arc[i] or layout.arc[layout.prv[i]]:
+            if i in smooth:
+                found.append(Rewrite("sharpen", frozenset((i,)), (float(i),)))
+            elif small[i]:
+                found.append(Rewrite("smooth", frozenset((i,)), (float(i),)))
+        if not layout.arc[i]:
+            continue
+        ends = frozenset((i, j))
+        if small[i] and small[j] and not ends & smooth:
+            found.append(Rewrite("fillet", ends, (float(i),)))
+        if abs(bulge[i]) < FLAT and all(small[k] for k in tied_at("straighten", i, layout)):
+            found.append(Rewrite("straighten", ends, (float(i),)))
     return found
 
 
 def joint_trials(
-    program: Program[Structure], rewrites: Sequence[Rewrite], evaluation: Evaluation, price: float, weight: float
+    program: Program[Structure],
+    rewrites: Sequence[Rewrite],
+    evaluation: Evaluation,
+    price: float,
+    growths: Sequence[float],
 ) -> list[Trial]:
-    """The rewrites that pay, at ``weight`` times ``price`` a joint. The evaluation needs a curvature."""
-    at = np.array([int(rewrite.data[0]) for rewrite in rewrites])
-    kink, jacobian = kinks(program, at)
-    tied = np.array([rewrite.rule == "sharpen" for rewrite in rewrites])
-    held = jacobian[tied]
+    """The rewrites that pay. The evaluation needs a curvature; growths: (k,) of the complexity."""
+    layout = program.structure.layout
+    n = len(layout.nxt)
+    kink, turning = kinks(program, np.arange(n))
+    smooth = layout.smooth
     stiff = 2 * STIFF * price
-    matrix = evaluation.curvature + stiff * held.T @ held
+    assert evaluation.curvature is not None
+    matrix = evaluation.curvature + stiff * turning[smooth].T @ turning[smooth]
     diagonal = np.diagonal(matrix)
-    np.fill_diagonal(matrix, diagonal + 1e-9 * diagonal.max() + 1e-7 * diagonal)
+    np.fill_diagonal(matrix, diagonal + 1e-9 * diagonal.max(initial=0.0) + 1e-7 * diagonal)
+    # What may be off: the kink at every vertex, then every arc's bulge.
+    bulges = np.eye(layout.size)[2 * n :]
+    off = np.concatenate([kink, program.params[2 * n :]])
+    ways = np.concatenate([turning, bulges])
     try:
-        factor = cho_factor(matrix)
+        give = ways @ cho_solve(cho_factor(matrix), ways.T)
     except LinAlgError:
         return []
-    give = np.einsum("kn,nk->k", jacobian, cho_solve(factor, jacobian.T))
-    gain = weight * price - kink**2 / (2 * np.maximum(give, 1e-300))
-    if tied.any():
-        pull, *_ = np.linalg.lstsq(held.T, evaluation.gradient, rcond=None)
-        free = give[tied] / np.maximum(1 - stiff * give[tied], 1e-12)
-        gain[tied] = pull**2 * free / 2 - weight * price
-    return [Trial(rewrites[k], float(gain[k])) for k in np.flatnonzero(gain > 0).tolist()]
+    pull = np.zeros(n)
+    if smooth.size:
+        pull[smooth], *_ = np.linalg.lstsq(turning[smooth].T, evaluation.gradient, rcond=None)
+    found = []
+    for rewrite, growth in zip(rewrites, growths, strict=True):
+        i = int(rewrite.data[0])
+        gain = -growth * price
+        if rewrite.rule == "sharpen":
+            gain += pull[i] ** 2 * give[i, i] / max(1 - stiff * give[i, i], 1e-12) / 2
+        else:
+            tied = [k for k in tied_at(rewrite.rule, i, layout) if k not in program.structure.smooth]
+            if rewrite.rule == "straighten":
+                tied.append(n + int(layout.columns[i, 4]) - 2 * n)
+            gain -= _cost(off[tied], give[np.ix_(tied, tied)])
+        if gain > 0:
+            found.append(Trial(rewrite, float(gain)))
+    return found
+
+
+def _cost(off: Floats, give: Floats) -> float:
+    """c' (G H^-1 G')^-1 c / 2."""
+    scale = 1e-12 * float(np.trace(give)) * np.eye(len(off))
+    try:
+        return float(off @ np.linalg.solve(give + scale, off)) / 2
+    except np.linalg.LinAlgError:
+        return np.inf

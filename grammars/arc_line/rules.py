@@ -42,11 +42,6 @@ class Rule(IntEnum):
     data = (j, p, q): whether the new edge from i's start to j's end, and the one from j's start to i's end, is a
     point."""
 
-    SMOOTH = 10
-    """From now on both edges at vertex j share their tangent there. The arrays stay as they are."""
-    SHARPEN = 11
-    """They no longer need to."""
-
 
 NEW_VERTICES = 4
 """The most vertices that one rewrite adds."""
