@@ -179,6 +179,11 @@ class Search(Generic[S]):
     steps: int = 0
     started: float = field(default_factory=time.perf_counter)
 
+    bonded: Bonded | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.bonded = self.grammar if isinstance(self.grammar, Bonded) else None
+
     def enter(self, stage: Stage) -> None:
         """Take on a stage's edge model and price."""
         self.stage = stage
@@ -200,8 +205,8 @@ class Search(Generic[S]):
                     break
             params, value = stepper.best(program.params, self._strained(program, loss), state)
             program = program.moved(params)
-            if isinstance(self.grammar, Bonded):
-                tight = self.grammar.tightened(program)
+            if self.bonded is not None:
+                tight = self.bonded.tightened(program)
                 if tight is not program:
                     program, value = tight, self._loss(tight, loss)
             edit = self.grammar.repair(program)
@@ -221,7 +226,16 @@ class Search(Generic[S]):
         demand = loss.demand(grammar.rasterize(here.program, self.canvas))
         offered = grammar.rewrites(here.program, demand, self.canvas, rng)
         rewrites = sampled([r for r in offered if r.rule not in self.stage.without], method, rng)
-        return method.estimator.estimate(here.program, rewrites, grammar, loss, self.canvas, self.stage.price)
+        trials = method.estimator.estimate(here.program, rewrites, grammar, loss, self.canvas, self.stage.price)
+        return [self.tried(here, trial, loss) for trial in trials]
+
+    def tried(self, here: Point[S], trial: Trial, loss: Loss) -> Trial:
+        """The trial; of a rewrite that ties the whole program, what it gains when that has settled."""
+        if self.bonded is None or trial.rewrite.rule not in self.bonded.binding:
+            return trial
+        edit = self.grammar.apply(here.program, [trial.rewrite])
+        there = self.settle(Point(edit.program, self.method.stepper.carry(here.state, edit)), loss)
+        return Trial(trial.rewrite, here.total - there.total)
 
     def combine(self, here: Point[S], chosen: Sequence[Rewrite], loss: Loss) -> tuple[Point[S], int]:
         """The program with the chosen rewrites, or with as many of the best as lower the objective together."""
@@ -241,10 +255,11 @@ class Search(Generic[S]):
         """The point with all bonds of its program that pay, if the stage allows them: a rewrite may have ended some, and
         is to be compared with new ones in their place.
         """
-        grammar, method = self.grammar, self.method
-        for _ in range(BINDINGS if isinstance(grammar, Bonded) else 0):
-            assert isinstance(grammar, Bonded)
-            offered = [r for r in grammar.ties(point.program) if r.rule not in self.stage.without]
+        if self.bonded is None:
+            return point
+        method = self.method
+        for _ in range(BINDINGS):
+            offered = [r for r in self.bonded.ties(point.program) if r.rule not in self.stage.without]
             if not offered:
                 break
             trials = method.estimator.estimate(
@@ -271,9 +286,9 @@ class Search(Generic[S]):
     def _evaluate(self, program: Program[S], loss: Loss) -> Evaluation:
         """The loss with the squares of the grammar's bonds, as stiff springs: a step goes along them, not across."""
         evaluation = loss.evaluate(self.grammar.rasterize(program, self.canvas))
-        if not isinstance(self.grammar, Bonded):
+        if self.bonded is None:
             return evaluation
-        off, jacobian = self.grammar.bonds(program)
+        off, jacobian = self.bonded.bonds(program)
         if off.size == 0 or evaluation.curvature is None:
             return evaluation
         stiff = STIFF * self.stage.price
@@ -286,8 +301,8 @@ class Search(Generic[S]):
     def _strained(self, program: Program[S], loss: Loss) -> float:
         """The value that :meth:`_evaluate` gives."""
         value = self._loss(program, loss)
-        if isinstance(self.grammar, Bonded):
-            off, _ = self.grammar.bonds(program)
+        if self.bonded is not None:
+            off, _ = self.bonded.bonds(program)
             value += STIFF * self.stage.price * float(off @ off)
         return value
 

@@ -127,6 +127,11 @@ class Tracer(Protocol):
 class Bonded(Protocol):
     """A grammar whose structures tie parameters to each other, beyond what a loss sees."""
 
+    @property
+    def binding(self) -> frozenset[str]:
+        """The names of the rules that make or free bonds."""
+        ...
+
     def ties(self, program: Program[Any]) -> list[Rewrite]:
         """The rewrites that make or free bonds and leave the shape nearly as it is."""
         ...

@@ -13,12 +13,13 @@ from d4cad.canvas import Canvas
 from d4cad.errors import GrammarError
 from d4cad.grammars.arc_line.places import DemandPlaces, Places
 from d4cad.grammars.arc_line.repair import compact, repair
-from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, candidates, rewrite, slits, touched
+from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, candidates, rewrite, touched
 from d4cad.grammars.arc_line.scene import Linked, Picture
 from d4cad.grammars.arc_line.joints import JOINTS, joint_rewrites, joint_trials, tied_at
 from d4cad.grammars.arc_line.structure import Shape, Structure, followers, from_shape, parameter_origin, still_smooth, to_shape
 from d4cad.grammars.arc_line.tangency import kinks, smoothed
 from d4cad.grammars.arc_line.trials import trials
+from d4cad.grammars.arc_line.wholes import circles, slits
 from d4cad.program import Edit, Floats, Program, Rewrite
 from d4cad.protocols import Trial
 from d4cad.raster.band import Band
@@ -105,8 +106,12 @@ class ArcLine:
             return (arc if rule == Rule.TO_ARC else 1.0) - here
         if rule == Rule.SPLIT_LINES:
             return 2.0 - here
-        if rule == Rule.REMOVE_LOOP:
-            return -sum(arc if arcs[k] else 1.0 for k in rewrite.sites)
+        if rule == Rule.ROUND or rule == Rule.CHAMFER:
+            return arc if rule == Rule.ROUND else 1.0
+        if rule == Rule.SPLIT_THREE:
+            return 3.0 - here
+        if rule == Rule.REMOVE_LOOP or rule == Rule.CIRCLE:
+            return (2 * arc if rule == Rule.CIRCLE else 0.0) - sum(arc if arcs[k] else 1.0 for k in rewrite.sites)
         if rule == Rule.PINCH:
             return self.complexity(self.apply(program, [rewrite]).program) - self.complexity(program)
         before = arc if arcs[program.structure.layout.prv[i]] else 1.0
@@ -151,16 +156,27 @@ class ArcLine:
                 ends = frozenset((i, j, int(shape.nxt[i]), int(shape.nxt[j])))
                 found.append(Rewrite("pinch", ends, (float(i), float(j), *map(float, points))))
         found += self.ties(program)
-        if "remove-loop" in self.rules and len(program.structure.sizes) > 1:
-            start = 0
-            for size in program.structure.sizes:
-                found.append(Rewrite("remove-loop", frozenset(range(start, start + size)), (float(start),)))
-                start += size
+        found += self._whole_loops(program, shape)
         if "add-loop" in self.rules:
             inside = self.rasterize(program, canvas).coverage
             found += [
                 Rewrite("add-loop", frozenset(), (0.0, *place)) for place in self.places(demand, inside, canvas, rng)
             ]
+        return found
+
+    def _whole_loops(self, program: Program[Structure], shape: Shape) -> list[Rewrite]:
+        """Loops to be removed, or to become circles."""
+        ends = np.cumsum(program.structure.sizes)
+        starts = ends - program.structure.sizes
+        round_ones = circles(shape.x, shape.y, shape.b, shape.nxt, starts)
+        found = []
+        for start, end, (x, y, radius) in zip(starts.tolist(), ends.tolist(), round_ones.tolist(), strict=True):
+            sites = frozenset(range(start, end))
+            if "circle" in self.rules and radius != 0 and end - start > 2:
+                data = (float(start), x * self.pixel, y * self.pixel, radius * self.pixel)
+                found.append(Rewrite("circle", sites, data))
+            if "remove-loop" in self.rules and len(starts) > 1:
+                found.append(Rewrite("remove-loop", sites, (float(start),)))
         return found
 
     def apply(self, program: Program[Structure], rewrites: Sequence[Rewrite]) -> Edit[Structure]:
@@ -233,7 +249,7 @@ class ArcLine:
         rules = np.array([RULES[r.rule] for r in rewrites], np.int64)
         data = np.array([(*r.data, 0.0, 0.0, 0.0)[:4] for r in rewrites])
         sites = data[:, 0].astype(np.int64)
-        data = np.where((rules == Rule.ADD_LOOP)[:, None], data[:, 1:] / canvas.pixel + middle, data[:, 1:])
+        data = np.where(np.isin(rules, (Rule.ADD_LOOP, Rule.CIRCLE))[:, None], data[:, 1:] / canvas.pixel + middle, data[:, 1:])
         costs = price * canvas.size * np.array([self.growth(program, r) for r in rewrites])
         loops = Linked(*_on(program, canvas), program.structure.layout.prv)
         picture = Picture(loss.table.target, loss.table.runs, loss.table.squares)
@@ -245,6 +261,11 @@ class ArcLine:
             Trial(Rewrite(rewrites[k].rule, rewrites[k].sites, rewrites[k].data, fit[k]), float(gain[k]) / canvas.size)
             for k in np.flatnonzero(gain > 0).tolist()
         ]
+
+    @property
+    def binding(self) -> frozenset[str]:
+        """The rules of smooth joints."""
+        return self.rules & frozenset(JOINTS)
 
     def ties(self, program: Program[Structure]) -> list[Rewrite]:
         """The rewrites that make or free bonds and leave the shape nearly as it is."""
@@ -299,6 +320,6 @@ def _on(program: Program[Structure], canvas: Canvas) -> Shape:
 
 def _data(item: Rewrite, scale: float) -> Floats:
     """The numbers of a rewrite as the kernels take them, (3,): a circle in pixels, or an edge."""
-    if item.rule == "add-loop":
+    if item.rule in ("add-loop", "circle"):
         return np.array(item.data[1:]) * scale
     return np.array([*item.data[1:], 0.0, 0.0, 0.0][:3])

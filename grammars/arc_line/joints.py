@@ -25,6 +25,9 @@ WIDEST = 0.6
 """The largest kink in radians that is proposed to be smooth."""
 FLAT = 0.2
 """The largest bulge of an arc that is proposed to be straight."""
+DOUBT = 2.0
+"""The loss is flatter than its linearisation says, for a joint slides along the curve: by so many prices of a primitive
+may the gain be negative."""
 
 
 def tied_at(rule: str, i: int, layout: Layout) -> list[int]:
@@ -71,7 +74,7 @@ def joint_trials(
     price: float,
     growths: Sequence[float],
 ) -> list[Trial]:
-    """The rewrites that pay. The evaluation needs a curvature; growths: (k,) of the complexity."""
+    """The rewrites that may pay. The evaluation needs a curvature; growths: (k,) of the complexity."""
     layout = program.structure.layout
     n = len(layout.nxt)
     kink, turning = kinks(program, np.arange(n))
@@ -103,7 +106,7 @@ def joint_trials(
             if rewrite.rule == "straighten":
                 tied.append(n + int(layout.columns[i, 4]) - 2 * n)
             gain -= _cost(off[tied], give[np.ix_(tied, tied)])
-        if gain > 0:
+        if gain > -DOUBT * price:
             found.append(Trial(rewrite, float(gain)))
     return found
 

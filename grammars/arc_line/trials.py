@@ -91,18 +91,18 @@ def solve(matrix: Floats, gradient: Floats, damping: float, step: Floats) -> boo
 def _stretch_site(box: Floats, loops: Linked, rule: int, site: int, other: int, vertices: Ints) -> None:
     """Grow a box to hold the edges that a rewrite changes, before it is applied."""
     x, y, b, _, nxt, prv = loops
-    if rule == Rule.REMOVE_LOOP:
+    if rule == Rule.REMOVE_LOOP or rule == Rule.CIRCLE:
         i = site
         while True:
             _stretch_edge(box, x, y, b, nxt, i)
             i = nxt[i]
             if i == site:
-                return
+                break
     for v in vertices:
         if v < x.shape[0]:
             _stretch_edge(box, x, y, b, nxt, v)
             _stretch_edge(box, x, y, b, nxt, prv[v])
-    if rule != Rule.ADD_LOOP:
+    if rule != Rule.ADD_LOOP and rule != Rule.CIRCLE:
         _stretch_edge(box, x, y, b, nxt, site)
     if rule == Rule.CLOSE:
         _stretch_edge(box, x, y, b, nxt, nxt[site])
