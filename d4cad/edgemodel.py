@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from d4cad.canvas import AREA, Canvas
 from d4cad.program import Floats
@@ -15,6 +16,8 @@ BLURRED = 0.9
 WIDEST = 4.0
 BINARY = 0.25
 """A ramp that is measured to be narrower than this belongs to a picture without grey."""
+TOUCH = 5
+"""Side in pixels of the window within which a pixel may have a share of an edge."""
 REACH = 11
 """Side in pixels of the window within which a pixel counts as near an edge."""
 
@@ -24,11 +27,14 @@ BINARY_PRICE = 2.5
 """The same where the picture has no grey: a staircase is off by 1/12 a boundary pixel, for many pixels in a row."""
 STAIRCASE = 1 / sqrt(12)
 """Standard deviation of a boundary pixel there."""
-NOISE_PRICE = 125.0
-"""The same in variances of the noise of a pixel."""
+NOISE_PRICE = 60.0
+"""The same in variances of the noise of a pixel: 20 to 30 by the principle of minimum description length where the noise
+is white, more where it is the ringing of a JPEG, which fits curves of its own."""
+ROUNDING_PRICE = 125.0
+"""The same in variances of rounding, which repeats itself along a straight edge."""
 ROUNDING = 1 / 12 / 255**2
 """Variance of a pixel in 8 bits that comes of rounding alone."""
-ROUNDING_PRICE = 1e-9
+EXACT_PRICE = 1e-9
 """The same, for each pixel of the canvas, where the picture follows the ramp exactly."""
 
 
@@ -49,7 +55,7 @@ def exact(target: Floats, canvas: Canvas, noise: float = 0.0) -> EdgeModel:
     """
     levels = target * 255
     rounding = ROUNDING if np.abs(levels - np.round(levels)).max() < 1e-6 else 0.0
-    return EdgeModel(canvas.ramp, max(ROUNDING_PRICE * canvas.size, NOISE_PRICE * (noise**2 + rounding)))
+    return EdgeModel(canvas.ramp, max(EXACT_PRICE * canvas.size, NOISE_PRICE * noise**2 + ROUNDING_PRICE * rounding))
 
 
 def measured(target: Floats, noise: float) -> EdgeModel:
@@ -60,25 +66,46 @@ def measured(target: Floats, noise: float) -> EdgeModel:
     ramp = edge_ramp(target)
     if ramp < BINARY:
         return EdgeModel(AREA, BINARY_PRICE, STAIRCASE)
-    noisy = NOISE_PRICE * (noise**2 + ROUNDING)
+    noise = max(noise, edge_noise(target))
+    noisy = NOISE_PRICE * noise**2 + ROUNDING_PRICE * ROUNDING
     if ramp < BLURRED:
         return EdgeModel(AREA, noisy, noise)
     ramp = min(ramp, WIDEST)
     return EdgeModel(ramp, max(BLUR_PRICE * ramp**2, noisy), noise)
 
 
+def edge_noise(target: Floats) -> float:
+    """Standard deviation of the noise beside the boundary, where the ringing of a JPEG is.
+
+    Pixels 3 to 5 pixels from it should be 0 or 1. Coverage is clipped there, which leaves half of the variance.
+    """
+    inside = (target > 0.5).astype(np.uint8)
+    beside = _near(inside, REACH) & ~_near(inside, TOUCH)
+    if not beside.any():
+        return 0.0
+    return sqrt(2 * float(np.mean((target - inside)[beside] ** 2)))
+
+
 def edge_ramp(target: Floats) -> float:
     """The half-width in pixels of the linear ramp that has as much grey along the boundary as the target has.
 
     Across a ramp of half-width r, coverage (1 - coverage) sums to r / 3; along the boundary the gradient sums to its
-    length. What noise adds to the grey is measured away from the edges and taken off.
+    length. What noise adds to the grey is measured beside the edges and taken off.
     """
-    from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
+    from scipy.ndimage import gaussian_filter
 
     inside = (target > 0.5).astype(np.uint8)
-    near = maximum_filter(inside, REACH) != minimum_filter(inside, REACH)
+    near, at = _near(inside, REACH), _near(inside, TOUCH)
+    beside = near & ~at
     grey = target * (1 - target)
     along, across = np.gradient(gaussian_filter(target, 1.5))
     length = float(np.hypot(along, across)[near].sum())
-    noise = float(grey[~near].mean()) if not near.all() else 0.0
+    noise = float(grey[beside].mean()) if beside.any() else 0.0
     return 3 * max(float((grey[near] - noise).sum()), 0.0) / max(length, 1.0)
+
+
+def _near(inside: NDArray[np.uint8], side: int) -> NDArray[np.bool_]:
+    """Where a window of ``side`` pixels holds both inside and outside."""
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    return np.asarray(maximum_filter(inside, side) != minimum_filter(inside, side))
