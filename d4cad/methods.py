@@ -11,7 +11,7 @@ from d4cad.estimators import LocalFit, Stepped
 from d4cad.program import Floats, Program
 from d4cad.steppers import ClippedGradient, LevenbergMarquardt
 
-JOINTS = frozenset(("smooth", "sharpen", "fillet", "straighten"))
+JOINTS = frozenset(("smooth", "sharpen", "fillet", "straighten", "bend", "bridge"))
 
 
 def paper(canvas: Canvas, metric: Callable[[Program[Any]], Floats] | None = None) -> Method:

@@ -92,6 +92,10 @@ class ArcLine:
             smooth, layout = program.structure.smooth, program.structure.layout
             tied = set(tied_at(rewrite.rule, i, layout)) - set(smooth)
             change = 1.0 if rewrite.rule == "sharpen" else -float(len(tied))
+            if rewrite.rule == "bridge":
+                return 1 - 2 * self.joint_weight
+            if rewrite.rule == "bend":
+                return self.joint_weight * change + arc - 1
             if rewrite.rule == "straighten":
                 lost = [v for v, e in ((i, layout.prv[i]), (layout.nxt[i], layout.nxt[i])) if not arcs[e] and v in smooth]
                 return self.joint_weight * (change + len(lost)) + 1 - arc
@@ -190,13 +194,18 @@ class ArcLine:
         used = n
         vertices, edges = np.empty(4, np.int64), np.empty(4, np.int64)
         fresh_b: list[int] = []
-        joints = set(program.structure.smooth)
+        joints, tied = set(program.structure.smooth), set[int]()
         for item in rewrites:
             site = int(item.data[0])
             if item.rule in JOINTS:
                 joints.difference_update([site] if item.rule == "sharpen" else [])
-                joints.update(tied_at(item.rule, site, layout))
-                if item.rule == "straighten":
+                tied |= set(tied_at(item.rule, site, layout))
+                if item.rule == "bridge":
+                    tied.add(used)
+                    used = rewrite(int(Rule.CHAMFER), site, np.zeros(3), x, y, b, arc, nxt, prv, used)
+                elif item.rule == "bend":
+                    arc[site], b[site] = True, item.data[1]
+                elif item.rule == "straighten":
                     arc[site], b[site] = False, 0.0
                     # A joint of two lines is none.
                     joints -= {v for v in (site, int(nxt[site])) if not (arc[v] or arc[prv[v]])}
@@ -214,13 +223,15 @@ class ArcLine:
         keep = nxt[:used] != np.arange(used)
         if not keep.any():
             return Edit(program, np.arange(layout.size))
-        number = np.where(np.arange(used) < n, np.arange(used), -1)
-        same_edge = number.copy()
+        place = np.arange(used)
+        same_edge = np.where(place < n, place, -1)
         same_edge[[e for e in fresh_b if e < used]] = -1
-        x, y, b, arc, _, vertex, edge, sizes = compact(
-            x[:used], y[:used], b[:used], arc[:used], nxt[:used], number, same_edge, keep
+        x, y, b, arc, _, place, edge, sizes = compact(
+            x[:used], y[:used], b[:used], arc[:used], nxt[:used], place, same_edge, keep
         )
+        vertex = np.where(place < n, place, -1)
         smooth = still_smooth(vertex, edge, followers(sizes), np.array(sorted(joints), np.int64), layout)
+        smooth = tuple(sorted({*smooth, *np.flatnonzero(np.isin(place, list(tied))).tolist()}))
         changed = from_shape(Shape(x, y, b, arc, nxt), sizes, 1 / self.pixel, smooth=smooth)
         return Edit(changed, parameter_origin(vertex, edge, arc, layout))
 
@@ -269,7 +280,7 @@ class ArcLine:
 
     def ties(self, program: Program[Structure]) -> list[Rewrite]:
         """The rewrites that make or free bonds and leave the shape nearly as it is."""
-        return [rewrite for rewrite in joint_rewrites(program) if rewrite.rule in self.rules]
+        return [rewrite for rewrite in joint_rewrites(program, self.pixel) if rewrite.rule in self.rules]
 
     def bonds(self, program: Program[Structure]) -> tuple[Floats, Floats]:
         """The kinks at the smooth joints in radians, (k,), and their derivatives (k, n)."""

@@ -18,11 +18,18 @@ from d4cad.grammars.arc_line.tangency import kinks
 from d4cad.program import Floats, Program, Rewrite
 from d4cad.protocols import STIFF, Evaluation, Trial
 
-JOINTS = ("smooth", "sharpen", "fillet", "straighten")
+JOINTS = ("smooth", "sharpen", "fillet", "straighten", "bend", "bridge")
 """The rules of this file. smooth, sharpen: vertex i becomes a smooth joint, or no longer is one. fillet: both ends of
-arc i become smooth. straighten: arc i becomes a line, with smooth ends at the arcs beside it."""
+arc i become smooth. straighten: arc i becomes a line, with smooth ends at the arcs beside it. bend: line i becomes an arc
+with smooth ends. bridge: a line with smooth ends comes between both edges at vertex i."""
 WIDEST = 0.6
 """The largest kink in radians that is proposed to be smooth."""
+BENT = (0.08, 1.3)
+"""The least and the largest kink in radians at both ends of a line that is proposed to be bent."""
+DEEP = 6.0
+"""The largest sagitta (px) of the arc."""
+SHORT = 0.02
+"""The least kink in radians at a vertex that is proposed to be bridged."""
 FLAT = 0.2
 """The largest bulge of an arc that is proposed to be straight."""
 DOUBT = 2.0
@@ -31,17 +38,24 @@ may the gain be negative."""
 
 
 def tied_at(rule: str, i: int, layout: Layout) -> list[int]:
-    """The vertices that a rewrite makes smooth."""
+    """The old vertices that a rewrite makes smooth."""
     if rule == "smooth":
         return [i]
     ends = [(i, int(layout.prv[i])), (int(layout.nxt[i]), int(layout.nxt[i]))]
-    if rule == "fillet":
+    if rule == "bridge":
+        return [i]
+    if rule in ("fillet", "bend"):
         return [vertex for vertex, _ in ends]
     return [vertex for vertex, beside in ends if layout.arc[beside]] if rule == "straighten" else []
 
 
-def joint_rewrites(program: Program[Structure]) -> list[Rewrite]:
-    """All that can be freed, and all at an arc that is off by little."""
+def bent(kinks_at_ends: tuple[float, float]) -> float:
+    """The bulge of the arc that turns as a line does with its kinks."""
+    return float(np.tan(sum(kinks_at_ends) / 4))
+
+
+def joint_rewrites(program: Program[Structure], pixel: float) -> list[Rewrite]:
+    """All that can be freed, and all that are off by little. pixel: in world units."""
     layout = program.structure.layout
     n = len(layout.nxt)
     smooth = set(program.structure.smooth)
@@ -49,6 +63,8 @@ def joint_rewrites(program: Program[Structure]) -> list[Rewrite]:
     angle, _ = kinks(program, at)
     small = np.abs(angle) < WIDEST
     bulge = np.where(layout.arc, program.params[np.maximum(layout.columns[:, 4], 0)], 0.0)
+    points = program.params[: 2 * n].reshape(n, 2)
+    chord = np.hypot(*(points[layout.nxt] - points).T)
     found = []
     for i in range(n):
         j = int(layout.nxt[i])
@@ -57,9 +73,17 @@ def joint_rewrites(program: Program[Structure]) -> list[Rewrite]:
                 found.append(Rewrite("sharpen", frozenset((i,)), (float(i),)))
             elif small[i]:
                 found.append(Rewrite("smooth", frozenset((i,)), (float(i),)))
-        if not layout.arc[i]:
-            continue
+                if abs(angle[i]) > SHORT:
+                    found.append(Rewrite("bridge", frozenset((int(layout.prv[i]), i, j)), (float(i),)))
         ends = frozenset((i, j))
+        if not layout.arc[i]:
+            turns = (float(angle[i]), float(angle[j]))
+            low, high = BENT
+            if turns[0] * turns[1] > 0 and all(low < abs(turn) < high for turn in turns):
+                bulge_of = bent(turns)
+                if abs(bulge_of) * chord[i] / 2 < DEEP * pixel:
+                    found.append(Rewrite("bend", ends, (float(i), bulge_of)))
+            continue
         if small[i] and small[j] and not ends & smooth:
             found.append(Rewrite("fillet", ends, (float(i),)))
         if abs(bulge[i]) < FLAT and all(small[k] for k in tied_at("straighten", i, layout)):
@@ -99,7 +123,9 @@ def joint_trials(
     for rewrite, growth in zip(rewrites, growths, strict=True):
         i = int(rewrite.data[0])
         gain = -growth * price
-        if rewrite.rule == "sharpen":
+        if rewrite.rule in ("bend", "bridge"):
+            gain = 0.0  # too far from linear to be foretold
+        elif rewrite.rule == "sharpen":
             gain += pull[i] ** 2 * give[i, i] / max(1 - stiff * give[i, i], 1e-12) / 2
         else:
             tied = [k for k in tied_at(rewrite.rule, i, layout) if k not in program.structure.smooth]
