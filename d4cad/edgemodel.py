@@ -23,8 +23,10 @@ REACH = 11
 
 BLUR_PRICE = 0.25
 """The same for each square pixel of a blurred ramp's half-width: a blur also rounds the corners, over such an area."""
-BINARY_PRICE = 2.5
+BINARY_PRICE = 0.6
 """The same where the picture has no grey: a staircase is off by 1/12 a boundary pixel, for many pixels in a row."""
+SLACK = 0.01
+"""Weight of the errors within the bounds that such a picture sets: enough to decide between shapes that keep to them."""
 STAIRCASE = 1 / sqrt(12)
 """Standard deviation of a boundary pixel there."""
 NOISE_PRICE = 60.0
@@ -41,11 +43,13 @@ EXACT_PRICE = 1e-9
 @dataclass(frozen=True, slots=True)
 class EdgeModel:
     """ramp: half-width of the coverage ramp in pixels, 0 for area coverage. floor: least gain of a primitive in summed
-    squared error. noise: standard deviation of a pixel at the boundary."""
+    squared error. noise: standard deviation of a pixel at the boundary. slack: as in
+    :class:`d4cad.raster.band.SquaresTable`."""
 
     ramp: float
     floor: float
     noise: float = 0.0
+    slack: float = 0.0
 
 
 def exact(target: Floats, canvas: Canvas, noise: float = 0.0) -> EdgeModel:
@@ -65,7 +69,7 @@ def measured(target: Floats, noise: float) -> EdgeModel:
     """
     ramp = edge_ramp(target)
     if ramp < BINARY:
-        return EdgeModel(AREA, BINARY_PRICE, STAIRCASE)
+        return EdgeModel(AREA, BINARY_PRICE, STAIRCASE, SLACK)
     noise = max(noise, edge_noise(target))
     noisy = NOISE_PRICE * noise**2 + ROUNDING_PRICE * ROUNDING
     if ramp < BLURRED:

@@ -223,6 +223,7 @@ def fit_image(
         watch=watch,
         floor=model.floor,
         noise=model.noise,
+        slack=model.slack,
     )
     asked = {"picture": picture.name, "threshold": threshold, "invert": invert}
     return replace(fit, settings={**asked, **fit.settings}, made=Placement(dpi=picture.dpi))
@@ -240,11 +241,13 @@ def fit_coverage(
     watch: Watch | None = None,
     floor: float | None = None,
     noise: float = 0.0,
+    slack: float = 0.0,
 ) -> Fit:
     """Fit a program to coverage on a canvas: (height, width) in [0, 1], row 0 lowest.
 
     floor: the last price of a primitive for method "fast", in summed squared error; None if the target is a raster by
-    the canvas' own edge model. noise: standard deviation of a pixel, which a contour is smoothed for. The rest as for
+    the canvas' own edge model. noise: standard deviation of a pixel, which a contour is smoothed for. slack: as in
+    :class:`d4cad.raster.band.SquaresTable`. The rest as for
     :func:`fit_image`.
     """
     _check_request(seed, max_time)
@@ -271,7 +274,7 @@ def fit_coverage(
     found = descend(
         first,
         language,
-        ImageLoss.of(target),
+        ImageLoss.of(target, slack),
         canvas,
         settings,
         np.random.default_rng(seed),

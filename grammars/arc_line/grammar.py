@@ -263,7 +263,7 @@ class ArcLine:
         data = np.where(np.isin(rules, (Rule.ADD_LOOP, Rule.CIRCLE))[:, None], data[:, 1:] / canvas.pixel + middle, data[:, 1:])
         costs = price * canvas.size * np.array([self.growth(program, r) for r in rewrites])
         loops = Linked(*_on(program, canvas), program.structure.layout.prv)
-        picture = Picture(loss.table.target, loss.table.runs, loss.table.squares)
+        picture = Picture(loss.table.target, loss.table.runs, loss.table.squares, loss.table.slack)
         gain, free, fit = trials(rules, sites, data, costs, loops, picture, canvas.ramp, steps)
         # Places of vertices to the grammar's pixels; bulges, behind them, stay as they are.
         places = (fit - np.resize(middle[:2], fit.shape[1])) * (canvas.pixel / self.pixel)

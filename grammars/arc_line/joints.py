@@ -24,7 +24,7 @@ arc i become smooth. straighten: arc i becomes a line, with smooth ends at the a
 with smooth ends. bridge: a line with smooth ends comes between both edges at vertex i."""
 WIDEST = 0.6
 """The largest kink in radians that is proposed to be smooth."""
-BENT = (0.08, 1.3)
+BENT = (0.08, 0.9)
 """The least and the largest kink in radians at both ends of a line that is proposed to be bent."""
 DEEP = 6.0
 """The largest sagitta (px) of the arc."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from d4cad.program import Floats
-from d4cad.raster.band import NUMBERS, same_pixel, squared_error
+from d4cad.raster.band import NUMBERS, error_of, same_pixel, squared_error
 from d4cad.raster.pieces import COLUMNS, cut_edge, edge_table, fill_edge, monotone_pieces
 from d4cad.raster.scan import Rows, enter, scan_rows
 
@@ -32,11 +32,13 @@ class Linked(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """target (height, width) and the sums over its rows of 1 - 2 t and t^2, (height, width + 1) each."""
+    """target (height, width), the sums over its rows of 1 - 2 t and t^2, (height, width + 1) each, and the slack of its
+    error; as in a SquaresTable."""
 
     target: Floats
     runs: Floats
     squares: Floats
+    slack: float
 
 
 class Base(NamedTuple):
@@ -101,7 +103,7 @@ def base_of(loops: Linked, shape: tuple[int, int], ramp: float) -> Base:
 @nb.njit(cache=True)
 def base_error(base: Base, picture: Picture, r0: int, r1: int, c0: int, c1: int) -> float:
     """Squared error of the base in a window."""
-    target, runs, squares = picture
+    target, runs, squares, slack = picture
     row, col, cover, wound, _, _, _, spans, _ = base.band
     total = 0.0
     for r in range(r0, r1):
@@ -114,7 +116,7 @@ def base_error(base: Base, picture: Picture, r0: int, r1: int, c0: int, c1: int)
         if c0 <= col[s] < c1 and not same_pixel(row, col, s):
             t = target[row[s], col[s]]
             hard = 1.0 - t if wound[s] else t
-            total += (cover[s] - t) ** 2 - hard * hard
+            total += error_of(cover[s] - t, slack) - hard * hard
     return total
 
 
@@ -193,6 +195,7 @@ def render(scene: Scene, loops: Linked, picture: Picture, ramp: float) -> tuple[
         scene.table, scene.owner, scene.ends, pieces, scene.entering, scene.r0, scene.r1, scene.c0, scene.c1, ramp
     )
     error = squared_error(
-        picture.target, picture.runs, scene.empty, band.row, band.col, band.cover, band.wound, band.spans
-    )
+        picture.target, picture.runs, scene.empty, band.row, band.col, band.cover, band.wound, band.spans,
+        picture.slack,
+    )  # fmt: skip
     return band, error

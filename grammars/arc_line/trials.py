@@ -176,7 +176,8 @@ def _descend(
             gradient[:] = 0.0
             slope = slopes(scene.table, band, ramp, 1.0, edges)
             add_normal_equations(
-                picture.target, band.row, band.col, band.cover, band.edge, slope, own_columns, gradient, matrix
+                picture.target, band.row, band.col, band.cover, band.edge, slope, own_columns, gradient, matrix,
+                picture.slack,
             )  # fmt: skip
         if not solve(matrix, gradient, damping, step):
             break
