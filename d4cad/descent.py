@@ -38,7 +38,8 @@ class Stage:
 
     ramp: half-width of the coverage ramp in pixels. price: loss that one unit of complexity may cost. rounds: at most
     so many rounds of steps and rewrites. patience: rounds without a relative gain of ``tolerance`` before the stage
-    ends. without: names of rules that are not used in it.
+    ends. without: names of rules that are not used in it. growth: by so much the primitives may become more since the last
+    stage without such a limit; a search that needs more goes back to where that ended, past all stages with a limit.
     """
 
     ramp: float
@@ -47,6 +48,7 @@ class Stage:
     patience: int = 0
     tolerance: float = 0.0
     without: frozenset[str] = frozenset()
+    growth: float = inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +127,10 @@ def descend(
     best, stop = here, Stop.ROUNDS
     with threadpool_limits(limits=1):  # on more threads small matrices are slower, and round as their number has it
         try:
+            free, exceeded = here, False
             for stage in method.stages:
+                if stage.growth < inf and exceeded:
+                    continue
                 search.enter(stage)
                 best, quiet, stop = replace(here, total=inf), 0, Stop.ROUNDS
                 for _ in range(stage.rounds):
@@ -141,6 +146,12 @@ def descend(
                     if quiet > stage.patience:
                         stop = Stop.PATIENCE if stage.patience else Stop.STALLED
                         break
+                    exceeded = grammar.primitives(here.program) > stage.growth * grammar.primitives(free.program)
+                    if exceeded:
+                        here = best = search.priced(free)
+                        break
+                if stage.growth == inf:
+                    free = here
         except KeyboardInterrupt:
             stop = Stop.INTERRUPTED
         except OutOfTime:
@@ -188,6 +199,11 @@ class Search(Generic[S]):
         """Take on a stage's edge model and price."""
         self.stage = stage
         self.canvas = self.canvas.with_ramp(stage.ramp)
+
+    def priced(self, point: Point[S]) -> Point[S]:
+        """A point of another stage, at this one's price."""
+        self.latest = replace(point, total=point.loss + self.stage.price * self.grammar.complexity(point.program))
+        return self.latest
 
     def settle(self, point: Point[S], loss: Loss) -> Point[S]:
         """Gradient steps and repairs in the method's rhythm."""
