@@ -146,7 +146,7 @@ def descend(
                     if quiet > stage.patience:
                         stop = Stop.PATIENCE if stage.patience else Stop.STALLED
                         break
-                    exceeded = grammar.primitives(here.program) > stage.growth * grammar.primitives(free.program)
+                    exceeded = grammar.primitives(here.program) > 1.1 * grammar.primitives(free.program) + stage.growth
                     if exceeded:
                         here = best = search.priced(free)
                         break

@@ -16,11 +16,11 @@ from d4cad.steppers import ClippedGradient, LevenbergMarquardt
 JOINTS = frozenset(("smooth", "sharpen", "fillet", "straighten", "bend", "bridge"))
 GROWING = frozenset(("split", "split-lines", "split-three", "add-loop", "round", "chamfer"))
 """Rules that make more primitives."""
-VISIBLE = 0.03
+VISIBLE = 0.1
 """Gain in summed squared error (pixels) under which a primitive is hardly seen in a picture, however little noise it has."""
-GROWTH = 1.25
-"""So many times the primitives may become more for gains less than visible: lines and arcs are found with few more, other
-curves would be approximated without end."""
+GROWTH = 4
+"""So many primitives, and a tenth of all, may be added for gains less than visible: lines and arcs are found with few
+more, other curves would be approximated without end."""
 
 
 def paper(canvas: Canvas, metric: Callable[[Program[Any]], Floats] | None = None) -> Method:
