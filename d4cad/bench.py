@@ -10,8 +10,6 @@ from pathlib import Path
 from statistics import fmean, median
 from typing import Any
 
-import numpy as np
-
 from d4cad import io
 from d4cad.canvas import Canvas
 from d4cad.errors import D4cadError, InputError
@@ -32,8 +30,8 @@ SAME_CURVE = 1e-5
 class Request:
     """What to fit and how.
 
-    limit: shapes of each set, None for all. jobs: processes. max_time: seconds a shape. init: "contour" or "axiom"; None
-    for the method's own start from bitmaps, and the axiom for exact rasters. Raises InputError where a
+    limit: shapes of each set, None for all. jobs: processes. max_time: seconds a shape. init: "contour" or "axiom";
+    None for the method's own start from bitmaps, and the axiom for exact rasters. Raises InputError where a
     number or a name makes no sense.
     """
 

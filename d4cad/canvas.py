@@ -42,7 +42,9 @@ class Canvas:
         if self.width < 1 or self.height < 1:
             raise InputError(f"a canvas needs at least 1x1 pixels, got {self.width}x{self.height}")
         if not (self.pixel > 0 and self.ramp >= 0):
-            raise InputError(f"the pixel size must be positive and the ramp not negative, got {self.pixel} and {self.ramp}")
+            raise InputError(
+                f"the pixel size must be positive and the ramp not negative, got {self.pixel} and {self.ramp}"
+            )
 
     @classmethod
     def square(cls, n: int = 256, ramp: float = PAPER_RAMP) -> Canvas:

@@ -38,8 +38,9 @@ class Stage:
 
     ramp: half-width of the coverage ramp in pixels. price: loss that one unit of complexity may cost. rounds: at most
     so many rounds of steps and rewrites. patience: rounds without a relative gain of ``tolerance`` before the stage
-    ends. without: names of rules that are not used in it. growth: by so much the primitives may become more since the last
-    stage without such a limit; a search that needs more goes back to where that ended, past all stages with a limit.
+    ends. without: names of rules that are not used in it. growth: by so much the primitives may become more since the
+    last stage without such a limit; a search that needs more goes back to where that ended, past all stages with a
+    limit.
     """
 
     ramp: float
@@ -268,8 +269,8 @@ class Search(Generic[S]):
         return here, 0
 
     def bound(self, point: Point[S], loss: Loss) -> Point[S]:
-        """The point with all bonds of its program that pay, if the stage allows them: a rewrite may have ended some, and
-        is to be compared with new ones in their place.
+        """The point with all bonds of its program that pay, if the stage allows them: a rewrite may have ended some,
+        and is to be compared with new ones in their place.
         """
         if self.bonded is None:
             return point

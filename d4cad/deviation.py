@@ -12,7 +12,11 @@ from d4cad.loop import Loop
 POINTS = 2048
 """Points along a drawing at which distances are measured, besides at least MIN_POINTS on every edge."""
 
-MIN_POINTS = 6
+MIN_POINTS = 8
+
+SEEN = 0.984
+"""Least share of a distance that these points see: between an arc and its chord it has one maximum, and a point within
+a sixteenth of the edge from it, where 1 - 4 / 16^2 of it are left."""
 
 
 def deviation(a: Loop, b: Loop) -> float:

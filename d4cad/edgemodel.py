@@ -26,12 +26,13 @@ BLUR_PRICE = 0.25
 BINARY_PRICE = 0.6
 """The same where the picture has no grey: a staircase is off by 1/12 a boundary pixel, for many pixels in a row."""
 SLACK = 0.01
-"""Weight of the errors within the bounds that such a picture sets: enough to decide between shapes that keep to them."""
+"""Weight of the errors within the bounds that such a picture sets: enough to decide between shapes that keep to
+them."""
 STAIRCASE = 1 / sqrt(12)
 """Standard deviation of a boundary pixel there."""
 NOISE_PRICE = 60.0
-"""The same in variances of the noise of a pixel: 20 to 30 by the principle of minimum description length where the noise
-is white, more where it is the ringing of a JPEG, which fits curves of its own."""
+"""The same in variances of the noise of a pixel: 20 to 30 by the principle of minimum description length where the
+noise is white, more where it is the ringing of a JPEG, which fits curves of its own."""
 ROUNDING_PRICE = 125.0
 """The same in variances of rounding, which repeats itself along a straight edge."""
 ROUNDING = 1 / 12 / 255**2
@@ -94,18 +95,23 @@ def edge_ramp(target: Floats) -> float:
     """The half-width in pixels of the linear ramp that has as much grey along the boundary as the target has.
 
     Across a ramp of half-width r, coverage (1 - coverage) sums to r / 3; along the boundary the gradient sums to its
-    length. What noise adds to the grey is measured beside the edges and taken off.
+    length. What noise adds to the grey is measured beside the
+    edges, or further away if they are so wide, and taken off.
     """
     from scipy.ndimage import gaussian_filter
 
     inside = (target > 0.5).astype(np.uint8)
-    near, at = _near(inside, REACH), _near(inside, TOUCH)
-    beside = near & ~at
+    near = _near(inside, REACH)
     grey = target * (1 - target)
     along, across = np.gradient(gaussian_filter(target, 1.5))
-    length = float(np.hypot(along, across)[near].sum())
-    noise = float(grey[beside].mean()) if beside.any() else 0.0
-    return 3 * max(float((grey[near] - noise).sum()), 0.0) / max(length, 1.0)
+    length = max(float(np.hypot(along, across)[near].sum()), 1.0)
+
+    def ramp(flat: NDArray[np.bool_]) -> float:
+        noise = float(grey[flat].mean()) if flat.any() else 0.0
+        return 3 * max(float((grey[near] - noise).sum()), 0.0) / length
+
+    wide = ramp(~near)
+    return ramp(near & ~_near(inside, TOUCH)) if wide < TOUCH / 2 else wide
 
 
 def _near(inside: NDArray[np.uint8], side: int) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from d4cad import exporters, io
-from d4cad.canvas import AREA, Canvas
+from d4cad.canvas import AREA, PAPER_RAMP, Canvas
 from d4cad.descent import Record, Stop, descend
 from d4cad.edgemodel import exact, measured
 from d4cad.errors import D4cadError, ExportError, GeometryError, InputError
@@ -200,11 +200,12 @@ def fit_image(
     """Fit a program to a picture.
 
     image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". init:
-    "contour", the picture's traced outline; "axiom", the grammar's own start; or a program file or fit to go on from. None
-    is the contour for method "fast", if the grammar can draw it, and the axiom for "paper". max_time: seconds. threshold: grey level in [0, 1] that makes the picture
-    binary. invert: exchange shape and ground. watch: called with a Record after every round. ramp: half-width in pixels
-    of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster.
-    Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
+    "contour", the picture's traced outline; "axiom", the grammar's own start; or a program file or fit to go on from.
+    None is the contour for method "fast", if the grammar can draw it, and the axiom for "paper". max_time: seconds.
+    threshold: grey level in [0, 1] that makes the picture binary. invert: exchange shape and ground. watch: called with
+    a Record after every round. ramp: half-width in pixels of the picture's edges; None measures it, 1/sqrt(2) is the
+    paper's exact raster. Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so
+    far.
     """
     _check_request(seed, max_time, ramp)
     start = _start(init, grammar)
@@ -306,15 +307,15 @@ def fit_coverage(
     )
 
 
-def _first(
-    start: str | Fit, language: Grammar[Any], target: Floats, canvas: Canvas, noise: float
-) -> Program[Any]:
+def _first(start: str | Fit, language: Grammar[Any], target: Floats, canvas: Canvas, noise: float) -> Program[Any]:
     """The program to begin with; the axiom where there is no contour."""
     if isinstance(start, Fit):
         return start.program
     if start == "contour":
         if not isinstance(language, Tracer):
-            raise InputError(f"the grammar {language.name} cannot start from a contour, expected --init axiom or a file")
+            raise InputError(
+                f"the grammar {language.name} cannot start from a contour, expected --init axiom or a file"
+            )
         loops = traced(target, canvas, noise)
         if loops:
             return language.drawn(loops)
@@ -348,7 +349,8 @@ def warm(grammar: str, method: str) -> None:
     """Compile or load the kernels, once in a process, so that no time limit or measured time has it."""
     target = np.zeros((32, 32))
     target[8:24, 8:24] = 1
-    fit_coverage(target, Canvas.square(32), grammar=grammar, method=method, floor=10.0)
+    for ramp in (AREA, PAPER_RAMP):
+        fit_coverage(target, Canvas.square(32, ramp), grammar=grammar, method=method, init=None, floor=10.0)
 
 
 def load_program(path: str | PathLike[str]) -> Fit:
@@ -427,8 +429,8 @@ def _check_request(seed: int, max_time: float | None, ramp: float | None = None)
 
 def _start(init: str | PathLike[str] | Fit | None, grammar: str) -> str | Fit | None:
     """The fit to go on from, or the name of a way to begin; None for the method's own."""
-    if init is None or init in STARTS:
-        return init  # type: ignore[return-value]
+    if init is None or (isinstance(init, str) and init in STARTS):
+        return init
     start = init if isinstance(init, Fit) else load_program(init)
     if start.grammar.name != grammar:
         raise InputError(f"the program to start from is in the grammar {start.grammar.name}, expected {grammar}")

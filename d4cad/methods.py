@@ -17,7 +17,8 @@ JOINTS = frozenset(("smooth", "sharpen", "fillet", "straighten", "bend", "bridge
 GROWING = frozenset(("split", "split-lines", "split-three", "add-loop", "round", "chamfer"))
 """Rules that make more primitives."""
 VISIBLE = 0.1
-"""Gain in summed squared error (pixels) under which a primitive is hardly seen in a picture, however little noise it has."""
+"""Gain in summed squared error (pixels) under which a primitive is hardly seen in a picture, however little noise it
+has."""
 GROWTH = 4
 """So many primitives, and a tenth of all, may be added for gains less than visible: lines and arcs are found with few
 more, other curves would be approximated without end."""

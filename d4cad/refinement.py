@@ -1,8 +1,8 @@
 """A chain of lines and arcs moved to the least squared distance from points, and rid of vertices that noise had made
 necessary.
 
-Distances are linearised as everywhere in d4cad: by the envelope theorem the distance of a point changes with the foot on
-the edge at a fixed parameter t of the Moebius curve (:mod:`d4cad.edges`).
+Distances are linearised as everywhere in d4cad: by the envelope theorem the distance of a point changes with the foot
+on the edge at a fixed parameter t of the Moebius curve (:mod:`d4cad.edges`).
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ Indices = NDArray[np.int64]
 STEPS = 8
 DAMPING = 1e-2
 """Added to the normal equations, in which every point counts 1: what the points do not determine stays."""
+
+EXACT = 1e-12
+"""Distances below this share of the extent are rounding: there is nothing to move."""
 
 FREELY = 1.2
 """A vertex is worth trying without if one line or circle comes within so many tolerances of all points around it."""
@@ -92,7 +95,8 @@ def _free(chain: Chain, samples: Samples, fixed: Bools) -> Bools:
 
 
 def _without_needless(chain: Chain, samples: Samples, fixed: Bools, tolerance: float) -> Chain:
-    """Vertices left out one by one, and arcs made lines, where the edges around can be moved so that it does not matter."""
+    """Vertices left out one by one, and arcs made lines, where the edges around can be moved so that it does not
+    matter."""
     i = 0
     while i < chain.points.size:
         found = None
@@ -168,7 +172,8 @@ def _around(edge: int, chain: Chain) -> Indices:
 
 
 def _one_curve(q: Complexes, tolerance: float) -> bool:
-    """Whether a line or a circle comes within the tolerance of all points: least squares, the circle's by Kasa (1976)."""
+    """Whether a line or a circle comes within the tolerance of all points: least squares, the circle's by Kasa
+    (1976)."""
     p = q - q.mean()
     if np.abs(p).max() <= tolerance:
         return True
@@ -198,13 +203,14 @@ def _moved(chain: Chain, samples: Samples, edges: Indices, free: Bools) -> Chain
     """Levenberg-Marquardt steps on the free vertices and on the bulges of the arcs among ``edges``."""
     q, weight, owner = _owned(chain, samples, edges)
     q, owner = q[weight > 0], owner[weight > 0]
-    arcs = edges[chain.bulges[edges] != 0]
-    layout = _Layout(np.full(chain.points.size, -1), np.full(chain.bulges.size, -1))
-    layout.vertex[free] = 2 * np.arange(np.count_nonzero(free))
-    layout.bulge[arcs] = 2 * np.count_nonzero(free) + np.arange(arcs.size)
-    if q.size == 0 or not (np.any(free) or arcs.size):
+    arcs = np.zeros(chain.bulges.size, dtype=np.bool_)
+    arcs[edges] = chain.bulges[edges] != 0
+    layout = _Layout.of(free, arcs)
+    if q.size == 0 or layout.size == 0:
         return chain
     damping, value = DAMPING, float(np.sum(circle_distances(chain.edges.take(owner), q) ** 2))
+    if value <= q.size * (EXACT * float(np.abs(q - q[0]).max())) ** 2:
+        return chain
     for _ in range(STEPS):
         step = _step(chain, q, owner, layout, damping)
         tried = _stepped(chain, step, layout)
@@ -220,22 +226,30 @@ def _moved(chain: Chain, samples: Samples, edges: Indices, free: Bools) -> Chain
 
 
 class _Layout(NamedTuple):
-    """Columns of the normal equations: of each vertex its x, with y behind it, and of each bulge; -1 where it is kept."""
+    """Columns of the normal equations, numbered along the chain: of each vertex its x, with y behind it, and of each
+    bulge.
+
+    vertex, bulge: -1 where it is kept. size: how many there are.
+    """
 
     vertex: Indices
     bulge: Indices
+    size: int
 
-    @property
-    def size(self) -> int:
-        return 2 * int(np.count_nonzero(self.vertex >= 0)) + int(np.count_nonzero(self.bulge >= 0))
+    @classmethod
+    def of(cls, free: Bools, arcs: Bools) -> _Layout:
+        """The columns of free vertices and of the bulges of arcs."""
+        width = 2 * free.astype(np.int64)
+        width[: arcs.size] += arcs
+        begin = np.cumsum(width) - width
+        bulge = np.where(arcs, (begin + 2 * free)[: arcs.size], -1)
+        return cls(np.where(free, begin, -1), bulge, int(width.sum()))
 
 
 def _step(chain: Chain, q: Complexes, owner: Indices, layout: _Layout, damping: float) -> Floats:
-    from scipy.sparse import coo_array, identity
-    from scipy.sparse.linalg import spsolve
+    from d4cad.skyline import step
 
-    every = chain.edges
-    e = every.take(owner)
+    e = chain.edges.take(owner)
     d = circle_distances(e, q)
     angle = 2 * np.arctan(e.b)
     gradient = 2 * np.sin(angle) * (q - (e.z0 + e.z1) / 2) - 1j * (e.z1 - e.z0) * np.cos(angle)
@@ -251,13 +265,9 @@ def _step(chain: Chain, q: Complexes, owner: Indices, layout: _Layout, damping: 
     parts = [(start, by_start), (start + 1, 1j * by_start), (end, by_end), (end + 1, 1j * by_end)]
     parts = [(np.where(column >= (k % 2), column, -1), value) for k, (column, value) in enumerate(parts)]
     parts.append((layout.bulge[owner], by_sagitta))
-    column = np.concatenate([c for c, _ in parts])
-    row = np.tile(np.arange(q.size), len(parts))
-    value = np.concatenate([-(v * np.conj(normal)).real for _, v in parts])
-    keep = column >= 0
-    jacobian = coo_array((value[keep], (row[keep], column[keep])), shape=(q.size, layout.size)).tocsc()
-    matrix = (jacobian.T @ jacobian + damping * identity(layout.size)).tocsc()
-    return np.asarray(-spsolve(matrix, jacobian.T @ d)).reshape(-1)
+    column = np.stack([c for c, _ in parts], axis=1)
+    value = np.stack([-(v * np.conj(normal)).real for _, v in parts], axis=1)
+    return np.asarray(step(column, value, d, layout.size, damping))
 
 
 def _stepped(chain: Chain, step: Floats, layout: _Layout) -> Chain:

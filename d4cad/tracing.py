@@ -40,7 +40,7 @@ def contours(target: Floats, blur: float = 0.0) -> list[Floats]:
     if blur > 0:
         framed = gaussian_filter(framed, blur)
         framed[0], framed[-1], framed[:, 0], framed[:, -1] = 0, 0, 0, 0
-    lines = contour_generator(z=framed, corner_mask=False).lines(LEVEL)
+    lines = [np.asarray(line) for line in contour_generator(z=framed, corner_mask=False).lines(LEVEL)]
     return [line[:-1] - 0.5 for line in lines if abs(_area(line[:-1])) >= LEAST_AREA]
 
 

@@ -31,8 +31,8 @@ class Band:
     shape: (height, width). row, col: (m,) the band's pixels. cover: (m,) their coverage. wound: (m,) uint8, 1 where the
     pixel lies in one of the spans. piece: (m,) int32, the primitive. slope: (m, NUMBERS) derivative of the coverage by
     that primitive's numbers. columns: (pieces, NUMBERS) int64, the parameters that these numbers are
-    (-1: fixed). spans: (s, 3) row, first and past-the-last column of runs of inside pixels, which may hold pixels of the
-    band. size: number
+    (-1: fixed). spans: (s, 3) row, first and past-the-last column of runs of inside pixels, which may hold pixels of
+    the band. size: number
     of parameters.
     """
 
@@ -65,9 +65,10 @@ class SquaresTable:
 
     target: (height, width). runs: (height, width + 1), the sum over columns < j of 1 - 2 target, which is what an
     inside pixel adds to the squared error. squares: likewise of target squared. total: the sum of target squared, the
-    squared error of an empty shape. slack: 0, or in [0, 1) for a target without grey, of which a pixel tells no more than
-    on which side of 1/2 its coverage was. Of an error d then only what exceeds 1/2 counts in full, and d itself by the
-    weight slack: (slack d^2 + max(d - 1/2, 0)^2) / (slack + 1/4), so that a wrong pixel costs 1 as it does otherwise.
+    squared error of an empty shape. slack: 0, or in [0, 1) for a target without grey, of which a pixel tells no more
+    than on which side of 1/2 its coverage was. Of an error d then only what exceeds 1/2 counts in full, and d itself by
+    the weight slack: (slack d^2 + max(d - 1/2, 0)^2) / (slack + 1/4), so that a wrong pixel costs 1 as it does
+    otherwise.
     """
 
     target: Floats
@@ -169,7 +170,8 @@ def squared_error(
     spans: Ints,
     slack: float,
 ) -> float:
-    """Squared error, or that with ``slack``: an empty shape's, plus the inside runs', corrected at the band's pixels."""
+    """Squared error, or that with ``slack``: an empty shape's, plus the inside runs', corrected at the band's
+    pixels."""
     value = total
     for k in range(spans.shape[0]):
         value += runs[spans[k, 0], spans[k, 2]] - runs[spans[k, 0], spans[k, 1]]

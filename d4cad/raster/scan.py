@@ -1,7 +1,7 @@
 """Scanline kernel: loops of lines and arcs to the band of pixels near their boundary. All in pixels, see pieces.py.
 
-Two edge models: a linear ramp over the distance to the boundary, as the paper has it, and exact area coverage (area.py),
-which a ramp of half-width ``AREA`` = 0 stands for.
+Two edge models: a linear ramp over the distance to the boundary, as the paper has it, and exact area coverage
+(area.py), which a ramp of half-width ``AREA`` = 0 stands for.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ class Rows(NamedTuple):
     uint8, what of the edge is nearest. spans: (k, 3) int64, row, first and past-the-last column of runs of non-zero
     winding at the pixels' centres. cut: (0, 4).
 
-    By area coverage the pixels are those that the boundary crosses, with an entry for each of the edges there, one after
-    another; gap is then the sign of their motion's effect, cut (m, 4) the part of the edge inside the pixel, and the
-    spans, of whole pixels inside, leave the band out.
+    By area coverage the pixels are those that the boundary crosses, with an entry for each of the edges there, one
+    after another; gap is then the sign of their motion's effect, cut (m, 4) the part of the edge inside the pixel, and
+    the spans, of whole pixels inside, leave the band out.
     """
 
     row: NDArray[np.int32]
@@ -116,7 +116,8 @@ def scan_rows(
         row, col, cover, edge, sign, cut, spans = area_band(table, owner, ends, pieces, entering, r0, r1, c0, c1)
         none = np.zeros(row.shape[0], np.uint8)
         return Rows(row, col, cover, none, edge, sign, none, spans, cut)
-    return _ramp_band(table, owner, ends, pieces, entering, r0, r1, c0, c1, ramp)
+    band: Rows = _ramp_band(table, owner, ends, pieces, entering, r0, r1, c0, c1, ramp)
+    return band
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -305,7 +306,8 @@ def slopes(table: Floats, band: Rows, ramp: float, unit: float, edges: int) -> F
     """
     row, col, _, wound, edge, gap, part, _, cut = band
     if ramp == AREA:
-        return area_slopes(table, edge, gap, cut, unit, edges)
+        exact: Floats = area_slopes(table, edge, gap, cut, unit, edges)
+        return exact
     slope = np.zeros((row.shape[0], 5))
     per_ramp = 0.5 / ramp
     for s in range(row.shape[0]):

@@ -11,12 +11,20 @@ import numpy as np
 
 from d4cad.canvas import Canvas
 from d4cad.errors import GrammarError
+from d4cad.grammars.arc_line.joints import JOINTS, joint_rewrites, joint_trials, tied_at
 from d4cad.grammars.arc_line.places import DemandPlaces, Places
 from d4cad.grammars.arc_line.repair import compact, repair
 from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, candidates, rewrite, touched
 from d4cad.grammars.arc_line.scene import Linked, Picture
-from d4cad.grammars.arc_line.joints import JOINTS, joint_rewrites, joint_trials, tied_at
-from d4cad.grammars.arc_line.structure import Shape, Structure, followers, from_shape, parameter_origin, still_smooth, to_shape
+from d4cad.grammars.arc_line.structure import (
+    Shape,
+    Structure,
+    followers,
+    from_shape,
+    parameter_origin,
+    still_smooth,
+    to_shape,
+)
 from d4cad.grammars.arc_line.tangency import kinks, smoothed
 from d4cad.grammars.arc_line.trials import trials
 from d4cad.grammars.arc_line.wholes import circles, slits
@@ -97,7 +105,9 @@ class ArcLine:
             if rewrite.rule == "bend":
                 return self.joint_weight * change + arc - 1
             if rewrite.rule == "straighten":
-                lost = [v for v, e in ((i, layout.prv[i]), (layout.nxt[i], layout.nxt[i])) if not arcs[e] and v in smooth]
+                lost = [
+                    v for v, e in ((i, layout.prv[i]), (layout.nxt[i], layout.nxt[i])) if not arcs[e] and v in smooth
+                ]
                 return self.joint_weight * (change + len(lost)) + 1 - arc
             return self.joint_weight * change
         rule = RULES[rewrite.rule]
@@ -260,7 +270,9 @@ class ArcLine:
         rules = np.array([RULES[r.rule] for r in rewrites], np.int64)
         data = np.array([(*r.data, 0.0, 0.0, 0.0)[:4] for r in rewrites])
         sites = data[:, 0].astype(np.int64)
-        data = np.where(np.isin(rules, (Rule.ADD_LOOP, Rule.CIRCLE))[:, None], data[:, 1:] / canvas.pixel + middle, data[:, 1:])
+        data = np.where(
+            np.isin(rules, (Rule.ADD_LOOP, Rule.CIRCLE))[:, None], data[:, 1:] / canvas.pixel + middle, data[:, 1:]
+        )
         costs = price * canvas.size * np.array([self.growth(program, r) for r in rewrites])
         loops = Linked(*_on(program, canvas), program.structure.layout.prv)
         picture = Picture(loss.table.target, loss.table.runs, loss.table.squares, loss.table.slack)

@@ -20,8 +20,8 @@ from d4cad.protocols import STIFF, Evaluation, Trial
 
 JOINTS = ("smooth", "sharpen", "fillet", "straighten", "bend", "bridge")
 """The rules of this file. smooth, sharpen: vertex i becomes a smooth joint, or no longer is one. fillet: both ends of
-arc i become smooth. straighten: arc i becomes a line, with smooth ends at the arcs beside it. bend: line i becomes an arc
-with smooth ends. bridge: a line with smooth ends comes between both edges at vertex i."""
+arc i become smooth. straighten: arc i becomes a line, with smooth ends at the arcs beside it. bend: line i becomes an
+arc with smooth ends. bridge: a line with smooth ends comes between both edges at vertex i."""
 WIDEST = 0.6
 """The largest kink in radians that is proposed to be smooth."""
 BENT = (0.08, 0.9)

@@ -18,8 +18,8 @@ class Structure:
     """Closed loops of lines and arcs.
 
     sizes: number of edges of each loop, at least 2. arcs: for every edge, loop after loop, whether it is an arc.
-    Edge i runs from vertex i to the next vertex of its loop. smooth: vertices, in order, at which both edges share their
-    tangent; one of them is an arc. Parameters of a program: x, y of every vertex in world
+    Edge i runs from vertex i to the next vertex of its loop. smooth: vertices, in order, at which both edges share
+    their tangent; one of them is an arc. Parameters of a program: x, y of every vertex in world
     units (2 n), then the bulge tan(sweep / 4) of every arc in order.
     """
 

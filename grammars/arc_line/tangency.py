@@ -1,7 +1,8 @@
 """Smooth joints: the two edges at a vertex share their tangent there.
 
-The tangent of an edge turns from phi - h to phi + h, phi the chord's angle and h = 2 atan(b) half the sweep. At a vertex
-the *kink* is the angle from the tangent that comes in to the one that goes out; where it is 0 the joint is smooth.
+The tangent of an edge turns from phi - h to phi + h, phi the chord's angle and h = 2 atan(b) half the sweep. At a
+vertex the *kink* is the angle from the tangent that comes in to the one that goes out; where it is 0 the joint is
+smooth.
 """
 
 from __future__ import annotations
