@@ -31,8 +31,11 @@ them."""
 STAIRCASE = 1 / sqrt(12)
 """Standard deviation of a boundary pixel there."""
 NOISE_PRICE = 60.0
-"""The same in variances of the noise of a pixel: 20 to 30 by the principle of minimum description length where the
-noise is white, more where it is the ringing of a JPEG, which fits curves of its own."""
+"""The same in variances of the noise of a pixel, where it is the ringing of a JPEG, which follows the edges."""
+WHITE_PRICE = 35.0
+"""The same where the noise is white: 20 to 30 by the principle of minimum description length, and some caution."""
+WHITE = 0.3
+"""White noise has at least this share of its deviation also far from the edges: clipping leaves 0.58 of it."""
 ROUNDING_PRICE = 125.0
 """The same in variances of rounding, which repeats itself along a straight edge."""
 ROUNDING = 1 / 12 / 255**2
@@ -71,8 +74,10 @@ def measured(target: Floats, noise: float) -> EdgeModel:
     ramp = edge_ramp(target)
     if ramp < BINARY:
         return EdgeModel(AREA, BINARY_PRICE, STAIRCASE, SLACK)
-    noise = max(noise, edge_noise(target))
-    noisy = NOISE_PRICE * noise**2 + ROUNDING_PRICE * ROUNDING
+    beside = edge_noise(target)
+    price = WHITE_PRICE if noise > WHITE * beside else NOISE_PRICE
+    noise = max(noise, beside)
+    noisy = price * noise**2 + ROUNDING_PRICE * ROUNDING
     if ramp < BLURRED:
         return EdgeModel(AREA, noisy, noise)
     ramp = min(ramp, WIDEST)
