@@ -19,6 +19,8 @@ GROWING = frozenset(("split", "split-lines", "split-three", "add-loop", "round",
 VISIBLE = 0.1
 """Gain in summed squared error (pixels) under which a primitive is hardly seen in a picture, however little noise it
 has."""
+OPEN = 2e-9
+"""Price of a primitive for each pixel of the canvas under which a raster is exact to rounding in double precision."""
 GROWTH = 4
 """So many primitives, and a tenth of all, may be added for gains less than visible: lines and arcs are found with few
 more, other curves would be approximated without end."""
@@ -55,7 +57,10 @@ def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
         Stage(canvas.ramp, price / canvas.size, 1000, without=JOINTS, growth=GROWTH if price < least else inf)
         for price in prices
     ]
-    # Which joints are smooth is asked of a shape that is known otherwise.
+    # Which joints are smooth is asked of a shape that is known otherwise, and only where the picture leaves it open.
     last = Stage(canvas.ramp, prices[-1] / canvas.size, rounds=1000)
-    sharp += [replace(last, growth=GROWTH), replace(last, without=GROWING)] if least > floor else [last]
+    if least > floor:
+        sharp += [replace(last, growth=GROWTH), replace(last, without=GROWING)]
+    elif canvas.ramp == AREA or floor > OPEN * canvas.size:
+        sharp.append(last)
     return Method((*wide, *sharp), (12, 6, 6), LevenbergMarquardt(), LocalFit(4))
