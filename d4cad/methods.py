@@ -14,6 +14,8 @@ from d4cad.program import Floats, Program
 from d4cad.steppers import ClippedGradient, LevenbergMarquardt
 
 JOINTS = frozenset(("smooth", "sharpen", "fillet", "straighten", "bend", "bridge"))
+CORNERS = frozenset(("round", "chamfer"))
+"""Rules that a wide ramp hides the reason for, and that a split does as well where nothing else is hidden."""
 GROWING = frozenset(("split", "split-lines", "split-three", "add-loop", "round", "chamfer"))
 """Rules that make more primitives."""
 VISIBLE = 0.1
@@ -50,11 +52,16 @@ def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
     if floor > prices[0]:  # searched at the usual price, which leaves more ways open, then pruned at its own
         prices.append(floor)
     # Coverage of less width shows nothing of an edge that is further off, so the search narrows to it.
-    wide = [Stage(ramp, prices[0] / canvas.size, rounds=1, without=JOINTS) for ramp in (3.0,) if ramp > canvas.ramp]
+    wide = [
+        Stage(ramp, prices[0] / canvas.size, rounds=1, without=JOINTS | CORNERS)
+        for ramp in (3.0,)
+        if ramp > canvas.ramp
+    ]
     if canvas.ramp == AREA:
-        wide.append(Stage(0.5, prices[0] / canvas.size, rounds=1000, without=JOINTS))
+        wide.append(Stage(0.5, prices[0] / canvas.size, rounds=1000, without=JOINTS | CORNERS))
+    without = JOINTS if canvas.ramp == AREA else JOINTS | CORNERS
     sharp = [
-        Stage(canvas.ramp, price / canvas.size, 1000, without=JOINTS, growth=GROWTH if price < least else inf)
+        Stage(canvas.ramp, price / canvas.size, 1000, without=without, growth=GROWTH if price < least else inf)
         for price in prices
     ]
     # Which joints are smooth is asked of a shape that is known otherwise, and only where the picture leaves it open.
