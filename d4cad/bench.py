@@ -10,14 +10,12 @@ from pathlib import Path
 from statistics import fmean, median
 from typing import Any
 
-import numpy as np
-
 from d4cad import io
 from d4cad.canvas import Canvas
 from d4cad.errors import D4cadError, InputError
 from d4cad.fit import Fit, fit_coverage, fit_image, warm
-from d4cad.grammars.arc_line import ArcLine, Structure
-from d4cad.program import Floats, Program
+from d4cad.grammars.arc_line import ArcLine
+from d4cad.program import Floats
 from d4cad.registry import make_grammar, make_method
 from d4cad.sketch import Sketch
 
@@ -32,7 +30,8 @@ SAME_CURVE = 1e-5
 class Request:
     """What to fit and how.
 
-    limit: shapes of each set, None for all. jobs: processes. max_time: seconds a shape. Raises InputError where a
+    limit: shapes of each set, None for all. jobs: processes. max_time: seconds a shape. init: "contour" or "axiom";
+    None for the method's own start from bitmaps, and the axiom for exact rasters. Raises InputError where a
     number or a name makes no sense.
     """
 
@@ -45,6 +44,7 @@ class Request:
     limit: int | None = None
     jobs: int = 1
     max_time: float | None = None
+    init: str | None = None
 
     def __post_init__(self) -> None:
         if self.limit is not None and self.limit < 1:
@@ -72,7 +72,8 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One result. psnr: dB. cpu_s, wall_s: of the optimisation alone. error: why there is no result, or None."""
+    """One result. psnr: dB. cpu_s, wall_s: of the optimisation alone. start_psnr,
+    start_primitives: of what the search started from. error: why there is no result, or None."""
 
     set: str
     index: int
@@ -83,6 +84,8 @@ class Row:
     cpu_s: float
     wall_s: float
     stop: str
+    start_psnr: float = 0.0
+    start_primitives: int = 0
     error: str | None = None
 
 
@@ -132,7 +135,7 @@ def solve(case: Case, request: Request) -> Row:
         fit = _fit(case, truth, request)
     except D4cadError as error:
         wall = time.perf_counter() - started
-        return Row(case.set, case.index, 0.0, 0, true_primitives, False, 0.0, wall, "failed", str(error))
+        return Row(case.set, case.index, 0.0, 0, true_primitives, False, 0.0, wall, "failed", error=str(error))
     exact = fit.psnr >= EXACT and fit.primitives <= true_primitives
     stop = fit.stop.name.lower()
     row = Row(
@@ -145,8 +148,17 @@ def solve(case: Case, request: Request) -> Row:
         cpu_s=fit.seconds,
         wall_s=fit.wall,
         stop=stop,
+        start_psnr=fit.start_psnr,
+        start_primitives=fit.start_primitives,
     )
-    extra = {"set": case.set, "index": case.index, "true_primitives": true_primitives, "exact": exact}
+    extra = {
+        "set": case.set,
+        "index": case.index,
+        "true_primitives": true_primitives,
+        "exact": exact,
+        "start_psnr": fit.start_psnr,
+        "start_primitives": fit.start_primitives,
+    }
     io.write(request.out / f"{case.name}.json", fit.document(extra=extra))
     if stop == "interrupted":
         raise KeyboardInterrupt
@@ -159,10 +171,12 @@ def _fit(case: Case, truth: Sketch, request: Request) -> Fit:
         "grammar": request.grammar,
         "seed": request.seed,
         "max_time": request.max_time,
+        "init": request.init,
     }
     if request.bitmaps is not None:
         return fit_image(request.bitmaps / f"{case.name}.png", **how)
     canvas = Canvas.square(RESOLUTION)
+    how["init"] = request.init or "axiom"
     return fit_coverage(coverage(truth, canvas), canvas, **how)
 
 
@@ -173,12 +187,8 @@ def true_outline(case: Case) -> Sketch:
 
 def coverage(sketch: Sketch, canvas: Canvas) -> Floats:
     """The outline's raster on ``canvas``, (height, width), row 0 lowest."""
-    loops = sketch.loops
-    bulges = [bulge for loop in loops for bulge in loop.bulges]
-    structure = Structure(tuple(len(loop.bulges) for loop in loops), tuple(bulge != 0 for bulge in bulges))
-    points = [x for loop in loops for point in loop.points for x in point]
-    program = Program(structure, np.array([*points, *(bulge for bulge in bulges if bulge != 0)]))
-    return ArcLine(canvas.pixel).rasterize(program, canvas).coverage
+    grammar = ArcLine(canvas.pixel)
+    return grammar.rasterize(grammar.drawn(sketch.loops), canvas).coverage
 
 
 COLUMNS = (
@@ -190,6 +200,8 @@ COLUMNS = (
     "worst",
     "primitives",
     "true",
+    "start dB",
+    "start prim.",
     "cpu s median",
     "max",
     "failed",
@@ -214,13 +226,15 @@ def _line(name: str, rows: Sequence[Row]) -> list[str]:
     failed = str(len(rows) - len(done))
     share = f"{sum(row.exact for row in done) / len(rows):.1%}"
     if not done:
-        return [name, str(len(rows)), share, *["-"] * 7, failed]
+        return [name, str(len(rows)), share, *["-"] * 9, failed]
     psnr = [row.psnr for row in done]
     cpu = [row.cpu_s for row in done]
     numbers = [
         *(f"{f(psnr):.1f}" for f in (fmean, median, min)),
         f"{fmean(row.primitives for row in done):.2f}",
         f"{fmean(row.true_primitives for row in done):.2f}",
+        f"{fmean(row.start_psnr for row in done):.1f}",
+        f"{fmean(row.start_primitives for row in done):.2f}",
         *(f"{f(cpu):.3f}" for f in (median, max)),
     ]
     return [name, str(len(rows)), share, *numbers, failed]

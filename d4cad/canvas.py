@@ -17,6 +17,10 @@ PAPER_RAMP = 1 / sqrt(2)
 """Half-width in pixels of the paper's coverage ramp (SPEC: blur 1/sqrt(2))."""
 
 
+AREA = 0.0
+"""The ``ramp`` of a canvas on which coverage is exact area, as renderers draw it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Canvas:
     """A grid of ``height`` x ``width`` square pixels whose centre is the world's origin, y up.
@@ -24,9 +28,9 @@ class Canvas:
     Pixel (i, j) of an array on the canvas has its centre at column coordinate j + 0.5 from the left
     and row coordinate i + 0.5 from the *bottom*: row 0 is the lowest, as in the paper.
 
-    ``pixel``: world units per pixel. ``ramp``: half-width in pixels of the linear ramp by which
-    coverage falls from 1 to 0 across an edge; coverage = clip(1/2 - d / (2 ramp), 0, 1) for the
-    signed distance d in pixels, negative inside.
+    ``pixel``: world units per pixel. ``ramp``: the edge model. Above 0 the half-width in pixels of the linear ramp by
+    which coverage falls from 1 to 0 across an edge: coverage = clip(1/2 - d / (2 ramp), 0, 1) for the signed distance
+    d in pixels, negative inside. ``AREA`` = 0: coverage is the exact area of the pixel inside the shape.
     """
 
     width: int
@@ -37,8 +41,10 @@ class Canvas:
     def __post_init__(self) -> None:
         if self.width < 1 or self.height < 1:
             raise InputError(f"a canvas needs at least 1x1 pixels, got {self.width}x{self.height}")
-        if not (self.pixel > 0 and self.ramp > 0):
-            raise InputError(f"pixel size and ramp must be positive, got {self.pixel} and {self.ramp}")
+        if not (self.pixel > 0 and self.ramp >= 0):
+            raise InputError(
+                f"the pixel size must be positive and the ramp not negative, got {self.pixel} and {self.ramp}"
+            )
 
     @classmethod
     def square(cls, n: int = 256, ramp: float = PAPER_RAMP) -> Canvas:

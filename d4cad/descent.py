@@ -15,9 +15,12 @@ from threadpoolctl import threadpool_limits
 from d4cad.canvas import Canvas
 from d4cad.interrupts import Interrupts, postponed
 from d4cad.program import Program, Rewrite
-from d4cad.protocols import Estimator, Grammar, Loss, Objective, Stepper, Trial
+from d4cad.protocols import STIFF, Bonded, Estimator, Evaluation, Grammar, Loss, Objective, Stepper, Trial
 
 S = TypeVar("S")
+
+BINDINGS = 3
+"""At most so many times are bonds looked for after a rewrite."""
 
 
 class Stop(Enum):
@@ -36,7 +39,9 @@ class Stage:
 
     ramp: half-width of the coverage ramp in pixels. price: loss that one unit of complexity may cost. rounds: at most
     so many rounds of steps and rewrites. patience: rounds without a relative gain of ``tolerance`` before the stage
-    ends.
+    ends. without: names of rules that are not used in it. growth: by so much the primitives may become more since the
+    last stage without such a limit; a search that needs more goes back to where that ended, past all stages with a
+    limit.
     """
 
     ramp: float
@@ -44,6 +49,8 @@ class Stage:
     rounds: int
     patience: int = 0
     tolerance: float = 0.0
+    without: frozenset[str] = frozenset()
+    growth: float = inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +130,10 @@ def descend(
     # on more threads small matrices are slower, and round as their number has it
     with postponed() as search.interrupts, threadpool_limits(limits=1):
         try:
+            free, exceeded = here, False
             for stage in method.stages:
+                if stage.growth < inf and exceeded:
+                    continue
                 search.enter(stage)
                 best, quiet, stop = replace(here, total=inf), 0, Stop.ROUNDS
                 for _ in range(stage.rounds):
@@ -139,6 +149,12 @@ def descend(
                     if quiet > stage.patience:
                         stop = Stop.PATIENCE if stage.patience else Stop.STALLED
                         break
+                    exceeded = grammar.primitives(here.program) > 1.1 * grammar.primitives(free.program) + stage.growth
+                    if exceeded:
+                        here = best = search.priced(free)
+                        break
+                if stage.growth == inf:
+                    free = here
         except KeyboardInterrupt:
             stop = Stop.INTERRUPTED
         except OutOfTime:
@@ -179,10 +195,20 @@ class Search(Generic[S]):
     interrupts: Interrupts = field(default_factory=Interrupts)
     started: float = field(default_factory=time.perf_counter)
 
+    bonded: Bonded | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.bonded = self.grammar if isinstance(self.grammar, Bonded) else None
+
     def enter(self, stage: Stage) -> None:
         """Take on a stage's edge model and price."""
         self.stage = stage
         self.canvas = self.canvas.with_ramp(stage.ramp)
+
+    def priced(self, point: Point[S]) -> Point[S]:
+        """A point of another stage, at this one's price."""
+        self.latest = replace(point, total=point.loss + self.stage.price * self.grammar.complexity(point.program))
+        return self.latest
 
     def settle(self, point: Point[S], loss: Loss) -> Point[S]:
         """Gradient steps and repairs in the method's rhythm."""
@@ -193,14 +219,18 @@ class Search(Generic[S]):
                 self.interrupts.check()
                 if time.perf_counter() - self.started > self.max_seconds:
                     raise OutOfTime
-                evaluation = loss.evaluate(self.grammar.rasterize(program, self.canvas))
+                evaluation = self._evaluate(program, loss)
                 params, state = stepper.step(program, evaluation, state)
                 program = program.moved(params)
                 self.steps += 1
                 if stepper.settled(state):
                     break
-            params, value = stepper.best(program.params, self._loss(program, loss), state)
+            params, value = stepper.best(program.params, self._strained(program, loss), state)
             program = program.moved(params)
+            if self.bonded is not None:
+                tight = self.bonded.tightened(program)
+                if tight is not program:
+                    program, value = tight, self._loss(tight, loss)
             edit = self.grammar.repair(program)
             if edit.program is not program:
                 program, state = edit.program, stepper.carry(state, edit)
@@ -216,8 +246,18 @@ class Search(Generic[S]):
         """The sampled proposals, scored."""
         grammar, method = self.grammar, self.method
         demand = loss.demand(grammar.rasterize(here.program, self.canvas))
-        rewrites = sampled(grammar.rewrites(here.program, demand, self.canvas, rng), method, rng)
-        return method.estimator.estimate(here.program, rewrites, grammar, loss, self.canvas, self.stage.price)
+        offered = grammar.rewrites(here.program, demand, self.canvas, rng)
+        rewrites = sampled([r for r in offered if r.rule not in self.stage.without], method, rng)
+        trials = method.estimator.estimate(here.program, rewrites, grammar, loss, self.canvas, self.stage.price)
+        return [self.tried(here, trial, loss) for trial in trials]
+
+    def tried(self, here: Point[S], trial: Trial, loss: Loss) -> Trial:
+        """The trial; of a rewrite that ties the whole program, what it gains when that has settled."""
+        if self.bonded is None or trial.rewrite.rule not in self.bonded.binding:
+            return trial
+        edit = self.grammar.apply(here.program, [trial.rewrite])
+        there = self.settle(Point(edit.program, self.method.stepper.carry(here.state, edit)), loss)
+        return Trial(trial.rewrite, here.total - there.total)
 
     def combine(self, here: Point[S], chosen: Sequence[Rewrite], loss: Loss) -> tuple[Point[S], int]:
         """The program with the chosen rewrites, or with as many of the best as lower the objective together."""
@@ -226,12 +266,36 @@ class Search(Generic[S]):
             there = Point(edit.program, self.method.stepper.carry(here.state, edit))
             if not self.method.recheck:
                 return there, len(chosen)
-            there = self.settle(there, loss)
+            there = self.bound(self.settle(there, loss), loss)
             if there.total < here.total:
                 return there, len(chosen)
             chosen = chosen[: len(chosen) // 3 or (1 if len(chosen) > 1 else 0)]
         self.latest = here
         return here, 0
+
+    def bound(self, point: Point[S], loss: Loss) -> Point[S]:
+        """The point with all bonds of its program that pay, if the stage allows them: a rewrite may have ended some,
+        and is to be compared with new ones in their place.
+        """
+        if self.bonded is None:
+            return point
+        method = self.method
+        for _ in range(BINDINGS):
+            offered = [r for r in self.bonded.ties(point.program) if r.rule not in self.stage.without]
+            if not offered:
+                break
+            trials = method.estimator.estimate(
+                point.program, offered, self.grammar, loss, self.canvas, self.stage.price
+            )
+            chosen = compatible(trials)
+            if not chosen:
+                break
+            edit = self.grammar.apply(point.program, chosen)
+            there = self.settle(Point(edit.program, method.stepper.carry(point.state, edit)), loss)
+            if there.total >= point.total:
+                break
+            point = there
+        return point
 
     def record(self, point: Point[S], accepted: int) -> None:
         """Write the round down and tell the watcher."""
@@ -240,6 +304,29 @@ class Search(Generic[S]):
         self.history.append(entry)
         if self.watch is not None:
             self.watch(entry, point.program)
+
+    def _evaluate(self, program: Program[S], loss: Loss) -> Evaluation:
+        """The loss with the squares of the grammar's bonds, as stiff springs: a step goes along them, not across."""
+        evaluation = loss.evaluate(self.grammar.rasterize(program, self.canvas))
+        if self.bonded is None:
+            return evaluation
+        off, jacobian = self.bonded.bonds(program)
+        if off.size == 0 or evaluation.curvature is None:
+            return evaluation
+        stiff = STIFF * self.stage.price
+        return Evaluation(
+            evaluation.value + stiff * float(off @ off),
+            evaluation.gradient + 2 * stiff * (off @ jacobian),
+            evaluation.curvature + 2 * stiff * (jacobian.T @ jacobian),
+        )
+
+    def _strained(self, program: Program[S], loss: Loss) -> float:
+        """The value that :meth:`_evaluate` gives."""
+        value = self._loss(program, loss)
+        if self.bonded is not None:
+            off, _ = self.bonded.bonds(program)
+            value += STIFF * self.stage.price * float(off @ off)
+        return value
 
     def _loss(self, program: Program[S], loss: Loss) -> float:
         return loss.value(self.grammar.rasterize(program, self.canvas))

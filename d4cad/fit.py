@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from d4cad import exporters, io
-from d4cad.canvas import Canvas
+from d4cad.canvas import AREA, PAPER_RAMP, Canvas
 from d4cad.descent import Record, Stop, descend
-from d4cad.edgemodel import AREA_RAMP, exact, measured
+from d4cad.edgemodel import exact, measured
 from d4cad.errors import ExportError, GeometryError, InputError
 from d4cad.exporters import preview
 from d4cad.exporters.svg import svg
@@ -26,9 +26,10 @@ from d4cad.objectives.image import ImageLoss
 from d4cad.outputs import check_output
 from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
 from d4cad.program import Floats, Program
-from d4cad.protocols import Grammar
+from d4cad.protocols import Grammar, Tracer
 from d4cad.registry import make_grammar, make_method
 from d4cad.sketch import Sketch
+from d4cad.tracing import traced
 
 MARGIN = 8
 """Pixels of ground that are put around a picture whose shape touches its border."""
@@ -37,6 +38,9 @@ JOINING = (1e-4, 0.1)
 """Least and largest tolerance in pixels within which neighbouring edges are joined."""
 LEEWAY = 3.0
 """That tolerance as a multiple of the root mean square distance by which the fit misses the picture's boundary."""
+
+STARTS = ("contour", "axiom")
+"""Ways to begin without a program."""
 
 Watch = Callable[[Record], None]
 
@@ -48,7 +52,8 @@ class Fit:
     psnr: dB of its coverage against the target. outline: its exact outline in world units, neighbours on one line or
     circle joined. seconds, wall: CPU and elapsed seconds of the optimisation. settings: what was asked for, as JSON
     values. made: size and origin that the picture or the program file states. target: (height, width) coverage, row 0
-    lowest; None if the fit came from a program file.
+    lowest; None if the fit came from a program file. start_psnr, start_primitives: of the program that the search began
+    with.
     """
 
     program: Program[Any]
@@ -63,6 +68,8 @@ class Fit:
     settings: Mapping[str, Any]
     made: Placement = field(default_factory=Placement)
     target: Floats | None = None
+    start_psnr: float = 0.0
+    start_primitives: int = 0
 
     @property
     def primitives(self) -> int:
@@ -194,7 +201,7 @@ def fit_image(
     *,
     method: str = "fast",
     grammar: str = "arc-line",
-    init: str | PathLike[str] | Fit = "axiom",
+    init: str | PathLike[str] | Fit | None = None,
     seed: int = 0,
     max_time: float | None = None,
     threshold: float | None = None,
@@ -204,28 +211,32 @@ def fit_image(
 ) -> Fit:
     """Fit a program to a picture.
 
-    image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". init: "axiom",
-    or a program file or fit to go on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture
-    binary. invert: exchange shape and ground. watch: called with a Record after every round. ramp: half-width in pixels
-    of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster.
-    Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
+    image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". init:
+    "contour", the picture's traced outline; "axiom", the grammar's own start; or a program file or fit to go on from.
+    None is the contour for method "fast", if the grammar can draw it, and the axiom for "paper". max_time: seconds.
+    threshold: grey level in [0, 1] that makes the picture binary. invert: exchange shape and ground. watch: called with
+    a Record after every round. ramp: half-width in pixels of the picture's edges; None measures it, 1/sqrt(2) is the
+    paper's exact raster. Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so
+    far.
     """
     _check_request(seed, max_time, ramp)
     start = _start(init, grammar)
     picture = load(image, threshold=threshold, invert=invert)
     target = _framed(picture.target)
-    canvas = Canvas.for_image(target.shape, AREA_RAMP if ramp is None else ramp)
+    canvas = Canvas.for_image(target.shape, AREA if ramp is None else ramp)
     model = measured(target, picture.noise) if ramp is None else exact(target, canvas, picture.noise)
     fit = fit_coverage(
         target,
         canvas.with_ramp(model.ramp),
         method=method,
         grammar=grammar,
-        init="axiom" if start is None else start,
+        init=start,
         seed=seed,
         max_time=max_time,
         watch=watch,
         floor=model.floor,
+        noise=model.noise,
+        slack=model.slack,
     )
     asked = {"picture": picture.name, "threshold": threshold, "invert": invert}
     return replace(fit, settings={**asked, **fit.settings}, made=Placement(dpi=picture.dpi))
@@ -237,16 +248,20 @@ def fit_coverage(
     *,
     method: str = "fast",
     grammar: str = "arc-line",
-    init: str | PathLike[str] | Fit = "axiom",
+    init: str | PathLike[str] | Fit | None = "axiom",
     seed: int = 0,
     max_time: float | None = None,
     watch: Watch | None = None,
     floor: float | None = None,
+    noise: float = 0.0,
+    slack: float = 0.0,
 ) -> Fit:
     """Fit a program to coverage on a canvas: (height, width) in [0, 1], row 0 lowest.
 
     floor: the last price of a primitive for method "fast", in summed squared error; None if the target is a raster by
-    the canvas' own edge model. The rest as for :func:`fit_image`.
+    the canvas' own edge model. noise: standard deviation of a pixel, which a contour is smoothed for. slack: as in
+    :class:`d4cad.raster.band.SquaresTable`. The rest as for
+    :func:`fit_image`.
     """
     _check_request(seed, max_time)
     if target.shape != canvas.shape:
@@ -254,10 +269,13 @@ def fit_coverage(
     start = _start(init, grammar)
     floor = exact(target, canvas).floor if floor is None else floor
     language, settings = make_grammar(grammar, method, canvas), make_method(method, canvas, floor, grammar)
+    if max_time is not None:
+        warm(grammar, method)
+    cpu, wall = time.process_time(), time.perf_counter()
     if start is None:
-        first = language.axiom(canvas)
-    else:  # a wide ramp would first undo what was found
-        first = _on_target(start, target, canvas)
+        start = "contour" if method == "fast" and isinstance(language, Tracer) else "axiom"
+    first = _first(start, language, target, canvas, noise)
+    if start != "axiom":  # a wide ramp would first undo what was found
         settings = replace(settings, stages=tuple(s for s in settings.stages if s.ramp == canvas.ramp))
     seen = [first]
 
@@ -266,13 +284,10 @@ def fit_coverage(
         if watch is not None:
             watch(record)
 
-    if max_time is not None:
-        warm(grammar, method)
-    cpu, wall = time.process_time(), time.perf_counter()
     found = descend(
         first,
         language,
-        ImageLoss.of(target),
+        ImageLoss.of(target, slack),
         canvas,
         settings,
         np.random.default_rng(seed),
@@ -295,11 +310,28 @@ def fit_coverage(
         settings={
             "method": method,
             "seed": seed,
-            "init": "axiom" if start is None else "program",
+            "init": start if isinstance(start, str) else "program",
             "max_time": max_time,
         },
         target=target,
+        start_psnr=decibels(float(np.mean((language.rasterize(first, canvas).coverage - target) ** 2))),
+        start_primitives=language.primitives(first),
     )
+
+
+def _first(start: str | Fit, language: Grammar[Any], target: Floats, canvas: Canvas, noise: float) -> Program[Any]:
+    """The program to begin with; the axiom where there is no contour."""
+    if isinstance(start, Fit):
+        return _on_target(start, target, canvas)
+    if start == "contour":
+        if not isinstance(language, Tracer):
+            raise InputError(
+                f"the grammar {language.name} cannot start from a contour, expected --init axiom or a file"
+            )
+        loops = traced(target, canvas, noise)
+        if loops:
+            return language.drawn(loops)
+    return language.axiom(canvas)
 
 
 def _framed(target: Floats) -> Floats:
@@ -329,7 +361,8 @@ def warm(grammar: str, method: str) -> None:
     """Compile or load the kernels, once in a process, so that no time limit or measured time has it."""
     target = np.zeros((32, 32))
     target[8:24, 8:24] = 1
-    fit_coverage(target, Canvas.square(32), grammar=grammar, method=method, floor=10.0)
+    for ramp in (AREA, PAPER_RAMP):
+        fit_coverage(target, Canvas.square(32, ramp), grammar=grammar, method=method, init=None, floor=10.0)
 
 
 def load_program(path: str | PathLike[str]) -> Fit:
@@ -343,11 +376,11 @@ def joined_outline(grammar: Grammar[Any], program: Program[Any], canvas: Canvas,
     """The program's outline in world units, with neighbours on one line or circle made one edge.
 
     error: mean squared error of the coverage. An edge may move by a few times what the fit is off already: d pixels
-    off change the coverage of a boundary pixel by d / (2 ramp).
+    off change the coverage of a boundary pixel by d / (2 ramp), or by d where it is area.
     """
     coverage = grammar.rasterize(program, canvas).coverage
     band = max(int(np.count_nonzero((coverage > 0) & (coverage < 1))), 1)
-    off = LEEWAY * 2 * canvas.ramp * sqrt(error * canvas.size / band)
+    off = LEEWAY * 2 * (canvas.ramp or 0.5) * sqrt(error * canvas.size / band)
     low, high = JOINING
     return grammar.outline(program).simplified(min(max(off, low), high) * canvas.pixel)
 
@@ -374,10 +407,10 @@ def _on_target(start: Fit, target: Floats, canvas: Canvas) -> Program[Any]:
     return moved_onto(start, target, canvas)
 
 
-def _start(init: str | PathLike[str] | Fit, grammar: str) -> Fit | None:
-    """The fit to go on from; None for the axiom."""
-    if init == "axiom":
-        return None
+def _start(init: str | PathLike[str] | Fit | None, grammar: str) -> str | Fit | None:
+    """The fit to go on from, or the name of a way to begin; None for the method's own."""
+    if init is None or (isinstance(init, str) and init in STARTS):
+        return init
     start = init if isinstance(init, Fit) else load_program(init)
     if start.grammar.name != grammar:
         raise InputError(f"the program to start from is in the grammar {start.grammar.name}, expected {grammar}")

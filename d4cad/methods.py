@@ -3,13 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from math import inf
 from typing import Any
 
-from d4cad.canvas import Canvas
+from d4cad.canvas import AREA, Canvas
 from d4cad.descent import Method, Stage
 from d4cad.estimators import LocalFit, Stepped
 from d4cad.program import Floats, Program
 from d4cad.steppers import ClippedGradient, LevenbergMarquardt
+
+JOINTS = frozenset(("smooth", "sharpen", "fillet", "straighten", "bend", "bridge"))
+CORNERS = frozenset(("round", "chamfer"))
+"""Rules that a wide ramp hides the reason for, and that a split does as well where nothing else is hidden."""
+GROWING = frozenset(("split", "split-lines", "split-three", "add-loop", "round", "chamfer"))
+"""Rules that make more primitives."""
+VISIBLE = 0.1
+"""Gain in summed squared error (pixels) under which a primitive is hardly seen in a picture, however little noise it
+has."""
+OPEN = 2e-9
+"""Price of a primitive for each pixel of the canvas under which a raster is exact to rounding in double precision."""
+GROWTH = 4
+"""So many primitives, and a tenth of all, may be added for gains less than visible: lines and arcs are found with few
+more, other curves would be approximated without end."""
 
 
 def paper(canvas: Canvas, metric: Callable[[Program[Any]], Floats] | None = None) -> Method:
@@ -30,8 +46,28 @@ def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
     prices = [0.65]
     while prices[-1] > floor * 1.001:
         prices.append(max(prices[-1] / 10, floor))
+    least = VISIBLE if canvas.ramp == AREA else 0.0
+    if floor < least:
+        prices = sorted({*prices, least}, reverse=True)
     if floor > prices[0]:  # searched at the usual price, which leaves more ways open, then pruned at its own
         prices.append(floor)
-    wide = [Stage(ramp, prices[0] / canvas.size, rounds=1) for ramp in (3.0,) if ramp > canvas.ramp]
-    sharp = [Stage(canvas.ramp, price / canvas.size, rounds=1000) for price in prices]
+    # Coverage of less width shows nothing of an edge that is further off, so the search narrows to it.
+    wide = [
+        Stage(ramp, prices[0] / canvas.size, rounds=1, without=JOINTS | CORNERS)
+        for ramp in (3.0,)
+        if ramp > canvas.ramp
+    ]
+    if canvas.ramp == AREA:
+        wide.append(Stage(0.5, prices[0] / canvas.size, rounds=1000, without=JOINTS | CORNERS))
+    without = JOINTS if canvas.ramp == AREA else JOINTS | CORNERS
+    sharp = [
+        Stage(canvas.ramp, price / canvas.size, 1000, without=without, growth=GROWTH if price < least else inf)
+        for price in prices
+    ]
+    # Which joints are smooth is asked of a shape that is known otherwise, and only where the picture leaves it open.
+    last = Stage(canvas.ramp, prices[-1] / canvas.size, rounds=1000)
+    if least > floor:
+        sharp += [replace(last, growth=GROWTH), replace(last, without=GROWING)]
+    elif canvas.ramp == AREA or floor > OPEN * canvas.size:
+        sharp.append(last)
     return Method((*wide, *sharp), (12, 6, 6), LevenbergMarquardt(), LocalFit(4))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from d4cad.program import Edit, Floats, Program, Rewrite
 from d4cad.raster.band import Band
 
 if TYPE_CHECKING:
+    from d4cad.loop import Loop
     from d4cad.sketch import Sketch
 
 S = TypeVar("S")
@@ -106,6 +107,41 @@ class Grammar(Protocol[S]):
 
     def decode(self, value: Any) -> S:
         """The structure back from JSON values; GrammarError if they are not one."""
+        ...
+
+
+STIFF = 1e6
+"""Stiffness of a grammar's bonds in prices of a primitive: off by a thousandth, a bond costs as much as one."""
+
+
+@runtime_checkable
+class Tracer(Protocol):
+    """A grammar that can start from loops of lines and arcs."""
+
+    def drawn(self, loops: Sequence[Loop]) -> Program[Any]:
+        """The program of loops in world units, the inside on their left."""
+        ...
+
+
+@runtime_checkable
+class Bonded(Protocol):
+    """A grammar whose structures tie parameters to each other, beyond what a loss sees."""
+
+    @property
+    def binding(self) -> frozenset[str]:
+        """The names of the rules that make or free bonds."""
+        ...
+
+    def ties(self, program: Program[Any]) -> list[Rewrite]:
+        """The rewrites that make or free bonds and leave the shape nearly as it is."""
+        ...
+
+    def bonds(self, program: Program[Any]) -> tuple[Floats, Floats]:
+        """What is to be 0, (k,), and its derivatives by the parameters, (k, n)."""
+        ...
+
+    def tightened(self, program: Program[Any]) -> Program[Any]:
+        """The nearest program with all bonds 0."""
         ...
 
 

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from d4cad.bench import Case, Request, Row, coverage, run, shapes, table, true_outline
-from d4cad.canvas import Canvas
+from d4cad.canvas import AREA, Canvas
 from d4cad.errors import InputError
 from d4cad.fit import load_program
 from d4cad.sketch import Circle, Loop, Sketch
@@ -80,7 +80,7 @@ def test_bitmaps_take_the_place_of_exact_rasters(data: Path, tmp_path: Path) -> 
     pictures = tmp_path / "png"
     pictures.mkdir()
     case = Case("plates", 0, plate())
-    cover = coverage(true_outline(case), Canvas.square(96, 0.5))
+    cover = coverage(true_outline(case), Canvas.square(96, AREA))
     for name in ("plates_000", "plates_007", "discs_007"):
         Image.fromarray(np.round(cover[::-1] * 255).astype(np.uint8)).save(pictures / f"{name}.png")
     rows = run(Request(data, tmp_path / "out", bitmaps=pictures, limit=1))
@@ -125,11 +125,24 @@ def test_nothing_to_fit(tmp_path: Path) -> None:
 
 def test_the_table_has_a_line_for_each_set_and_one_for_all() -> None:
     rows = [
-        Row("a", 0, 100.0, 4, 4, True, 0.1, 0.2, "stalled"),
-        Row("a", 1, 60.0, 5, 4, False, 0.3, 0.4, "stalled"),
+        Row("a", 0, 100.0, 4, 4, True, 0.1, 0.2, "stalled", 20.0, 5),
+        Row("a", 1, 60.0, 5, 4, False, 0.3, 0.4, "stalled", 40.0, 7),
         Row("b", 0, 120.0, 8, 8, True, 0.2, 0.2, "stalled"),
     ]
     lines = table(rows).splitlines()
     assert [line.split()[0] for line in lines] == ["set", "a", "b", "all"]
-    assert lines[1].split()[1:] == ["2", "50.0%", "80.0", "80.0", "60.0", "4.50", "4.00", "0.200", "0.300", "0"]
+    assert lines[1].split()[1:] == [
+        "2",
+        "50.0%",
+        "80.0",
+        "80.0",
+        "60.0",
+        "4.50",
+        "4.00",
+        "30.0",
+        "6.00",
+        "0.200",
+        "0.300",
+        "0",
+    ]
     assert "66.7%" in lines[3]

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from d4cad.canvas import PAPER_RAMP, Canvas
-from d4cad.edgemodel import AREA_PRICE, BINARY_PRICE, BLUR_PRICE, edge_ramp, exact, measured
+from d4cad.canvas import AREA, PAPER_RAMP, Canvas
+from d4cad.edgemodel import BINARY_PRICE, BLUR_PRICE, ROUNDING, ROUNDING_PRICE, edge_noise, edge_ramp, exact, measured
 
 Floats = NDArray[np.float64]
 
@@ -28,17 +28,26 @@ def test_the_ramp_is_measured(ramp: float) -> None:
 def test_noise_does_not_widen_the_ramp() -> None:
     noisy = np.clip(disc(1.0) + np.random.default_rng(0).normal(0, 0.05, (128, 128)), 0, 1)
     assert edge_ramp(noisy) == pytest.approx(1.0, rel=0.2)
-    assert measured(noisy, 0.05).floor == pytest.approx(125 * 0.05**2, rel=0.3)
+    assert edge_noise(noisy) == pytest.approx(0.05, rel=0.15)
 
 
-def test_area_coverage_is_fitted_by_half_a_pixel() -> None:
+def test_noise_beside_the_boundary_sets_the_price() -> None:
+    noisy = np.clip(disc(0.5) + np.random.default_rng(0).normal(0, 0.05, (128, 128)), 0, 1)
+    model = measured(noisy, 0.03)  # what is measured in the picture as a whole, after clipping
+    assert model.ramp == AREA
+    assert model.floor == pytest.approx(35 * 0.05**2, rel=0.3)
+    assert measured(noisy, 0.0).floor == pytest.approx(60 * 0.05**2, rel=0.3)  # at the edges only: a JPEG's
+
+
+def test_a_clean_picture_is_area_coverage() -> None:
     model = measured(disc(0.5), 0.0)
-    assert (model.ramp, model.floor) == (0.5, AREA_PRICE)
+    assert (model.ramp, model.floor, model.noise) == (AREA, ROUNDING_PRICE * ROUNDING, 0.0)
 
 
-def test_a_picture_without_grey_has_stairs() -> None:
+def test_a_picture_without_grey_has_slack() -> None:
     model = measured((disc(0.5) > 0.5).astype(np.float64), 0.0)
-    assert (model.ramp, model.floor) == (0.5, BINARY_PRICE)
+    assert (model.ramp, model.floor) == (AREA, BINARY_PRICE)
+    assert model.slack > 0
 
 
 def test_blur_costs_corners() -> None:

@@ -141,7 +141,7 @@ def test_other_ways_to_draw_the_same_plate(drawn: Callable[[NDArray[np.float64]]
 
 def test_watch_sees_every_round() -> None:
     seen: list[Record] = []
-    fit = fit_image(plate(), watch=seen.append)
+    fit = fit_image(plate(), init="axiom", watch=seen.append)
     assert tuple(seen) == fit.history
     assert len(seen) > 1
     assert seen[-1].psnr > seen[0].psnr
@@ -153,7 +153,7 @@ def test_ctrl_c_keeps_the_best_so_far(step: int) -> None:
         if record.step >= step:
             raise KeyboardInterrupt
 
-    fit = fit_image(plate(), watch=interrupt)
+    fit = fit_image(plate(), init="axiom", watch=interrupt)
     assert fit.stop is Stop.INTERRUPTED
     assert fit.psnr > 5
     assert fit.sketch(width=3).area > 0
@@ -296,3 +296,18 @@ def test_public_names() -> None:
     assert {"fit_image", "load_program", "__version__"} <= set(dir(d4cad))
     with pytest.raises(AttributeError, match="nothing"):
         d4cad.nothing  # noqa: B018
+
+
+def test_the_contour_is_the_start_unless_asked_otherwise() -> None:
+    fast, axiom = fit_image(plate()), fit_image(plate(), init="axiom")
+    assert (fast.settings["init"], axiom.settings["init"]) == ("contour", "axiom")
+    assert fast.start_psnr > axiom.start_psnr + 10
+    assert fast.psnr > fast.start_psnr
+    assert fast.primitives == axiom.primitives == 6
+    assert fit_image(plate(), method="paper", max_time=0.2).settings["init"] == "axiom"
+
+
+def test_a_start_from_nothing_is_the_axiom() -> None:
+    """Grey that nowhere crosses the middle has no contour."""
+    fit = fit_coverage(np.full((32, 32), 0.3), Canvas.square(32), init="contour", floor=10.0)
+    assert fit.start_primitives == 4

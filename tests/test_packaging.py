@@ -43,7 +43,7 @@ ALLOWED: dict[str, set[str]] = {
     "grammars": GEOMETRY | {"grammars", "raster", "canvas", "program", "protocols"},
     "objectives": {"objectives", "raster", "canvas", "errors", "program", "protocols"},
     "program": {"errors"},
-    "protocols": {"canvas", "errors", "program", "raster", "sketch"},
+    "protocols": {"canvas", "errors", "loop", "program", "raster", "sketch"},
     "interrupts": set(),
     "descent": {"interrupts", "canvas", "errors", "program", "protocols"},
     "estimators": {"canvas", "errors", "program", "protocols"},

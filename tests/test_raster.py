@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import importlib
 import math
 import sys
@@ -499,6 +500,13 @@ def test_soft_raster_fits_in_a_torch_loop() -> None:
         optimizer.step()
         losses.append(loss.item())
     assert losses[-1] < losses[0] / 100
+
+
+def test_soft_raster_example_in_the_docstring() -> None:
+    pytest.importorskip("torch")
+    result = doctest.testmod(importlib.import_module("d4cad.torch"))
+    assert result.attempted > 0
+    assert result.failed == 0
 
 
 @pytest.mark.parametrize(

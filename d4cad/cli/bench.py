@@ -33,10 +33,13 @@ def bench(
     max_time: Annotated[
         float | None, typer.Option(metavar="S", help="Seconds for each shape.", show_default=False)
     ] = None,
+    init: Annotated[
+        str | None, typer.Option(metavar="contour|axiom", help="What to start from.", show_default="as fit does")
+    ] = None,
 ) -> None:
     """Fit every shape of a folder whose truth is known, and compare."""
     with reported():
         from d4cad.bench import Request, run, table
 
-        rows = run(Request(data, out, bitmaps, grammar, method, seed, limit, jobs, max_time))
+        rows = run(Request(data, out, bitmaps, grammar, method, seed, limit, jobs, max_time, init))
         typer.echo(table(rows))

@@ -24,7 +24,14 @@ def fit(
     origin: Origin = None,
     grammar: Grammar = "arc-line",
     method: Method = "fast",
-    init: Annotated[str, typer.Option(metavar="axiom|FILE", help="axiom, or a program file to go on from.")] = "axiom",
+    init: Annotated[
+        str | None,
+        typer.Option(
+            metavar="contour|axiom|FILE",
+            help="The picture's traced contour, the grammar's axiom, or a program file to go on from.",
+            show_default="contour, or axiom for --method paper",
+        ),
+    ] = None,
     seed: Seed = 0,
     max_time: Annotated[
         float | None, typer.Option(metavar="S", help="Seconds after which the search ends.", show_default=False)

@@ -18,9 +18,9 @@ class ImageLoss:
     table: SquaresTable
 
     @classmethod
-    def of(cls, target: Floats) -> ImageLoss:
-        """The loss of a target coverage (height, width), row 0 lowest."""
-        return cls(SquaresTable.of(target))
+    def of(cls, target: Floats, slack: float = 0.0) -> ImageLoss:
+        """The loss of a target coverage (height, width), row 0 lowest; ``slack`` as in a SquaresTable."""
+        return cls(SquaresTable.of(target, slack))
 
     def draw(self, rng: np.random.Generator) -> ImageLoss:
         """The loss itself."""

@@ -6,6 +6,7 @@ rest, sums over runs of whole rows.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numba as nb
@@ -24,10 +25,14 @@ so that the kernels' inner loops unroll."""
 class Band:
     """Coverage of a program on a canvas, and its derivative.
 
+    A pixel whose coverage depends on several primitives takes as many entries, one after another, with the same
+    coverage.
+
     shape: (height, width). row, col: (m,) the band's pixels. cover: (m,) their coverage. wound: (m,) uint8, 1 where the
-    pixel's centre is inside. piece: (m,) int32, the primitive nearest to the pixel. slope: (m, NUMBERS) derivative of
-    the coverage by that primitive's numbers. columns: (pieces, NUMBERS) int64, the parameters that these numbers are
-    (-1: fixed). spans: (s, 3) row, first and past-the-last column of runs of inside pixels, band included. size: number
+    pixel lies in one of the spans. piece: (m,) int32, the primitive. slope: (m, NUMBERS) derivative of the coverage by
+    that primitive's numbers. columns: (pieces, NUMBERS) int64, the parameters that these numbers are
+    (-1: fixed). spans: (s, 3) row, first and past-the-last column of runs of inside pixels, which may hold pixels of
+    the band. size: number
     of parameters.
     """
 
@@ -60,27 +65,31 @@ class SquaresTable:
 
     target: (height, width). runs: (height, width + 1), the sum over columns < j of 1 - 2 target, which is what an
     inside pixel adds to the squared error. squares: likewise of target squared. total: the sum of target squared, the
-    squared error of an empty shape.
+    squared error of an empty shape. slack: 0, or in [0, 1) for a target without grey, of which a pixel tells no more
+    than on which side of 1/2 its coverage was. Of an error d then only what exceeds 1/2 counts in full, and d itself by
+    the weight slack: (slack d^2 + max(d - 1/2, 0)^2) / (slack + 1/4), so that a wrong pixel costs 1 as it does
+    otherwise.
     """
 
     target: Floats
     runs: Floats
     squares: Floats
     total: float
+    slack: float = 0.0
 
     @classmethod
-    def of(cls, target: Floats) -> SquaresTable:
+    def of(cls, target: Floats, slack: float = 0.0) -> SquaresTable:
         """The table of ``target`` (height, width)."""
         target = np.ascontiguousarray(target, dtype=np.float64)
         runs, squares = np.zeros((2, target.shape[0], target.shape[1] + 1))
         np.cumsum(1 - 2 * target, axis=1, out=runs[:, 1:])
         np.cumsum(target * target, axis=1, out=squares[:, 1:])
-        return cls(target, runs, squares, float(squares[:, -1].sum()))
+        return cls(target, runs, squares, float(squares[:, -1].sum()), slack)
 
     def value(self, band: Band) -> float:
         """Sum of squared errors of the band's program."""
         value = squared_error(
-            self.target, self.runs, self.total, band.row, band.col, band.cover, band.wound, band.spans
+            self.target, self.runs, self.total, band.row, band.col, band.cover, band.wound, band.spans, self.slack
         )  # fmt: skip
         return max(0.0, float(value))  # rounding can leave a perfect fit just under 0
 
@@ -88,7 +97,7 @@ class SquaresTable:
         """Sum of squared errors, half its gradient J'r (n,), and the Gauss-Newton matrix J'J (n, n)."""
         value, gradient, matrix = _normal(
             self.target, self.runs, self.total, band.row, band.col, band.cover, band.wound, band.spans,
-            band.piece, band.slope, band.columns, band.size,
+            band.piece, band.slope, band.columns, band.size, self.slack,
         )  # fmt: skip
         return max(0.0, float(value)), gradient, matrix
 
@@ -123,6 +132,32 @@ def _pull_back(
     return out
 
 
+@nb.njit(cache=True, inline="always", error_model="numpy")
+def same_pixel(row: NDArray[np.int32], col: NDArray[np.int32], s: int) -> bool:
+    """Whether entry s of a band is of the same pixel as the one before."""
+    return s > 0 and col[s] == col[s - 1] and row[s] == row[s - 1]
+
+
+@nb.njit(cache=True, inline="always", error_model="numpy")
+def error_of(d: float, slack: float) -> float:
+    """What a pixel that is off by d costs."""
+    if slack == 0.0:
+        return d * d
+    over = max(abs(d) - 0.5, 0.0)
+    return (slack * d * d + over * over) / (slack + 0.25)
+
+
+@nb.njit(cache=True, inline="always", error_model="numpy")
+def pull_of(d: float, slack: float) -> tuple[float, float]:
+    """Half the derivative of :func:`error_of` by d, and half the second one."""
+    if slack == 0.0:
+        return d, 1.0
+    over = abs(d) - 0.5
+    if over <= 0.0:
+        return slack * d / (slack + 0.25), slack / (slack + 0.25)
+    return (slack * d + math.copysign(over, d)) / (slack + 0.25), (slack + 1.0) / (slack + 0.25)
+
+
 @nb.njit(cache=True, error_model="numpy")
 def squared_error(
     target: Floats,
@@ -133,17 +168,35 @@ def squared_error(
     cover: Floats,
     wound: NDArray[np.uint8],
     spans: Ints,
+    slack: float,
 ) -> float:
-    """Squared error: an empty shape's, plus the inside runs', corrected at the band's pixels."""
+    """Squared error, or that with ``slack``: an empty shape's, plus the inside runs', corrected at the band's
+    pixels."""
     value = total
     for k in range(spans.shape[0]):
         value += runs[spans[k, 0], spans[k, 2]] - runs[spans[k, 0], spans[k, 1]]
     for s in range(row.shape[0]):
+        if same_pixel(row, col, s):
+            continue
         t = target[row[s], col[s]]
         hard = 1.0 - t if wound[s] else t
-        soft = cover[s] - t
-        value += soft * soft - hard * hard
+        value += error_of(cover[s] - t, slack) - hard * hard
     return value
+
+
+@nb.njit(cache=True, error_model="numpy")
+def _add_pair(slope: Floats, columns: Ints, s: int, p: int, t: int, q: int, weight: float, matrix: Floats) -> None:
+    """Add to ``matrix`` what entries s and t of one pixel, of pieces p and q, have in common."""
+    for k in range(NUMBERS):
+        c = columns[p, k]
+        if c < 0:
+            continue
+        for i in range(NUMBERS):
+            d = columns[q, i]
+            if d >= 0:
+                both = weight * slope[s, k] * slope[t, i]
+                matrix[c, d] += both
+                matrix[d, c] += both
 
 
 @nb.njit(cache=True, error_model="numpy")
@@ -157,6 +210,7 @@ def add_normal_equations(
     columns: Ints,
     gradient: Floats,
     matrix: Floats,
+    slack: float,
 ) -> None:
     """Add J'r to ``gradient`` (n,) and J'J to ``matrix`` (n, n) for the residual r = coverage - target.
 
@@ -170,12 +224,17 @@ def add_normal_equations(
         p = piece[s]
         if p >= pieces:
             continue
-        residual = cover[s] - target[row[s], col[s]]
+        pull, weight = pull_of(cover[s] - target[row[s], col[s]], slack)
         for k in range(NUMBERS):
             j = slope[s, k]
-            force[p, k] += j * residual
+            force[p, k] += j * pull
             for i in range(k + 1):
-                block[p, k, i] += j * slope[s, i]
+                block[p, k, i] += weight * j * slope[s, i]
+        t = s
+        while same_pixel(row, col, t):
+            t -= 1
+            if piece[t] < pieces:
+                _add_pair(slope, columns, s, p, t, piece[t], weight, matrix)
     for p in range(pieces):
         for k in range(NUMBERS):
             c = columns[p, k]
@@ -204,8 +263,9 @@ def _normal(
     slope: Floats,
     columns: Ints,
     size: int,
+    slack: float,
 ) -> tuple[float, Floats, Floats]:
     gradient = np.zeros(size)
     matrix = np.zeros((size, size))
-    add_normal_equations(target, row, col, cover, piece, slope, columns, gradient, matrix)
-    return squared_error(target, runs, total, row, col, cover, wound, spans), gradient, matrix
+    add_normal_equations(target, row, col, cover, piece, slope, columns, gradient, matrix, slack)
+    return squared_error(target, runs, total, row, col, cover, wound, spans, slack), gradient, matrix

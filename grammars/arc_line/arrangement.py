@@ -14,7 +14,7 @@ import numpy as np
 
 from d4cad.grammars.arc_line.crossings import FLATTEST, SNAP, root_of
 from d4cad.grammars.arc_line.curves import apex, arc_length, sub_bulge, winding
-from d4cad.raster.scan import BULGE, CX, LENGTH, SX, X0, Y0
+from d4cad.raster.pieces import BULGE, CX, LENGTH, SX, X0, Y0
 
 SAME = 1e-5
 """Pieces between the same nodes whose middles are this near (px) are one."""

@@ -7,7 +7,7 @@ import math
 import numba as nb
 import numpy as np
 
-from d4cad.raster.scan import BULGE, CX, FLAT, LENGTH, RADIUS, SX, X0, Y0, _distance
+from d4cad.raster.pieces import BULGE, CX, FLAT, LENGTH, RADIUS, SX, X0, Y0, distance
 
 TOUCH = 1e-6
 """What comes this near (px) to an edge lies on it: far above the rounding of a crossing, far below what matters."""
@@ -62,7 +62,7 @@ def gap(table, e, px, py):
     v = dx * table[e, SX] - dy * table[e, CX]
     b = table[e, BULGE]
     cos, sin = (1.0 - b * b) / (1.0 + b * b), 2.0 * b / (1.0 + b * b)
-    return abs(_distance(u, v, table[e, LENGTH], b, cos, sin, table[e, RADIUS], table[e, FLAT])[0])
+    return abs(distance(u, v, table[e, LENGTH], b, cos, sin, table[e, RADIUS], table[e, FLAT])[0])
 
 
 @nb.njit(cache=True, inline="always")

@@ -23,6 +23,28 @@ def sub_bulge(b, share):
 
 
 @nb.njit(cache=True, inline="always")
+def point_along(x0, y0, x1, y1, b, share):
+    """The point at ``share`` of the length of an edge.
+
+    The chord to it has the length of the edge's times sin(share h) / sin(h), h half the sweep, and is turned from it by
+    (share - 1) h.
+    """
+    half = 2.0 * math.atan(b)
+    turn = (share - 1.0) * half
+    scale = share if abs(half) < 1e-9 else math.sin(share * half) / math.sin(half)
+    c, s = scale * math.cos(turn), scale * math.sin(turn)
+    return x0 + c * (x1 - x0) - s * (y1 - y0), y0 + s * (x1 - x0) + c * (y1 - y0)
+
+
+@nb.njit(cache=True, inline="always")
+def turn_at(x, y, b, p, i, j):
+    """The angle in (-pi, pi] by which the boundary turns left at vertex i, between the edges from p and to j."""
+    ux, uy, vx, vy = x[i] - x[p], y[i] - y[p], x[j] - x[i], y[j] - y[i]
+    angle = math.atan2(ux * vy - uy * vx, ux * vx + uy * vy) - 2.0 * (math.atan(b[p]) + math.atan(b[i]))
+    return math.atan2(math.sin(angle), math.cos(angle))
+
+
+@nb.njit(cache=True, inline="always")
 def bulge_through(x0, y0, x1, y1, x2, y2):
     """Bulge of the arc from point 0 through point 1 to point 2.
 

@@ -11,23 +11,36 @@ import numpy as np
 
 from d4cad.canvas import Canvas
 from d4cad.errors import GrammarError
+from d4cad.grammars.arc_line.joints import JOINTS, joint_rewrites, joint_trials, tied_at
 from d4cad.grammars.arc_line.places import DemandPlaces, Places
 from d4cad.grammars.arc_line.repair import compact, repair
-from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, candidates, rewrite, slits, touched
-from d4cad.grammars.arc_line.structure import Shape, Structure, from_shape, parameter_origin, to_shape
-from d4cad.grammars.arc_line.trials import Linked, Picture, trials
+from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, candidates, rewrite, touched
+from d4cad.grammars.arc_line.scene import Linked, Picture
+from d4cad.grammars.arc_line.structure import (
+    Shape,
+    Structure,
+    followers,
+    from_shape,
+    parameter_origin,
+    still_smooth,
+    to_shape,
+)
+from d4cad.grammars.arc_line.tangency import kinks, smoothed
+from d4cad.grammars.arc_line.trials import trials
+from d4cad.grammars.arc_line.wholes import circles, slits
 from d4cad.program import Edit, Floats, Program, Rewrite
 from d4cad.protocols import Trial
 from d4cad.raster.band import Band
 from d4cad.raster.scan import scan
 
 if TYPE_CHECKING:
+    from d4cad.loop import Loop
     from d4cad.sketch import Sketch
 
 NAMES = {int(rule): rule.name.lower().replace("_", "-") for rule in Rule}
 """Names of the rules by their numbers, which are what the kernels take."""
 RULES = {name: rule for rule, name in NAMES.items()}
-"""Numbers of the rules by their names."""
+"""Numbers of the rules by their names, those of joints excepted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +55,12 @@ class ArcLine:
     """
 
     pixel: float = 3 / 256
-    rules: frozenset[str] = frozenset(RULES)
+    rules: frozenset[str] = frozenset((*RULES, *JOINTS))
     places: Places = field(default_factory=DemandPlaces)
     lossy: float = 12.0
     slit: float = 3.0
     arc_weight: float = 1.5
+    joint_weight: float = 0.5
 
     @property
     def name(self) -> str:
@@ -58,19 +72,45 @@ class ArcLine:
         ex, ey = (2 * side / 3 for side in canvas.extent)
         return Program(Structure((4,), (False,) * 4), np.array([ex, 0.0, 0.0, ey, -ex, 0.0, 0.0, -ey]))
 
+    def drawn(self, loops: Sequence[Loop]) -> Program[Structure]:
+        """The program of loops in world units, the inside on their left."""
+        bulges = [b for loop in loops for b in loop.bulges]
+        points = [number for loop in loops for point in loop.points for number in point]
+        structure = Structure(tuple(len(loop.bulges) for loop in loops), tuple(b != 0 for b in bulges))
+        return Program(structure, np.array([*points, *(b for b in bulges if b != 0)]))
+
     def complexity(self, program: Program[Structure]) -> float:
-        """Number of edges, arcs counted by their weight."""
-        arcs = sum(program.structure.arcs)
-        return len(program.structure.arcs) + (self.arc_weight - 1) * arcs
+        """Number of edges, arcs counted by their weight, less that of the smooth joints."""
+        structure = program.structure
+        return (
+            len(structure.arcs)
+            + (self.arc_weight - 1) * sum(structure.arcs)
+            - self.joint_weight * len(structure.smooth)
+        )
 
     def primitives(self, program: Program[Structure]) -> int:
         """Number of edges."""
         return len(program.structure.arcs)
 
     def growth(self, program: Program[Structure], rewrite: Rewrite) -> float:
-        """Change of the complexity."""
-        rule, arcs, arc = RULES[rewrite.rule], program.structure.arcs, self.arc_weight
+        """Change of the complexity, smooth joints that a change of their edges ends not counted."""
+        arcs, arc = program.structure.arcs, self.arc_weight
         i = int(rewrite.data[0])
+        if rewrite.rule in JOINTS:
+            smooth, layout = program.structure.smooth, program.structure.layout
+            tied = set(tied_at(rewrite.rule, i, layout)) - set(smooth)
+            change = 1.0 if rewrite.rule == "sharpen" else -float(len(tied))
+            if rewrite.rule == "bridge":
+                return 1 - 2 * self.joint_weight
+            if rewrite.rule == "bend":
+                return self.joint_weight * change + arc - 1
+            if rewrite.rule == "straighten":
+                lost = [
+                    v for v, e in ((i, layout.prv[i]), (layout.nxt[i], layout.nxt[i])) if not arcs[e] and v in smooth
+                ]
+                return self.joint_weight * (change + len(lost)) + 1 - arc
+            return self.joint_weight * change
+        rule = RULES[rewrite.rule]
         if rule == Rule.ADD_LOOP:
             return 4 * arc
         here = arc if arcs[i] else 1.0
@@ -80,8 +120,12 @@ class ArcLine:
             return (arc if rule == Rule.TO_ARC else 1.0) - here
         if rule == Rule.SPLIT_LINES:
             return 2.0 - here
-        if rule == Rule.REMOVE_LOOP:
-            return -sum(arc if arcs[k] else 1.0 for k in rewrite.sites)
+        if rule == Rule.ROUND or rule == Rule.CHAMFER:
+            return arc if rule == Rule.ROUND else 1.0
+        if rule == Rule.SPLIT_THREE:
+            return 3.0 - here
+        if rule == Rule.REMOVE_LOOP or rule == Rule.CIRCLE:
+            return (2 * arc if rule == Rule.CIRCLE else 0.0) - sum(arc if arcs[k] else 1.0 for k in rewrite.sites)
         if rule == Rule.PINCH:
             return self.complexity(self.apply(program, [rewrite]).program) - self.complexity(program)
         before = arc if arcs[program.structure.layout.prv[i]] else 1.0
@@ -105,7 +149,8 @@ class ArcLine:
         x, y, b, arc, sizes, vertex, edge, changed = repair(*shape)
         if not changed:
             return Edit(program, np.arange(layout.size))
-        mended = from_shape(Shape(x, y, b, arc, layout.nxt), sizes, 1 / self.pixel)
+        smooth = still_smooth(vertex, edge, followers(sizes), layout.smooth, layout)
+        mended = from_shape(Shape(x, y, b, arc, layout.nxt), sizes, 1 / self.pixel, smooth=smooth)
         return Edit(mended, parameter_origin(vertex, edge, arc, layout))
 
     def rewrites(
@@ -124,16 +169,28 @@ class ArcLine:
             for i, j, points in zip(*(part.tolist() for part in pairs), strict=True):
                 ends = frozenset((i, j, int(shape.nxt[i]), int(shape.nxt[j])))
                 found.append(Rewrite("pinch", ends, (float(i), float(j), *map(float, points))))
-        if "remove-loop" in self.rules and len(program.structure.sizes) > 1:
-            start = 0
-            for size in program.structure.sizes:
-                found.append(Rewrite("remove-loop", frozenset(range(start, start + size)), (float(start),)))
-                start += size
+        found += self.ties(program)
+        found += self._whole_loops(program, shape)
         if "add-loop" in self.rules:
             inside = self.rasterize(program, canvas).coverage
             found += [
                 Rewrite("add-loop", frozenset(), (0.0, *place)) for place in self.places(demand, inside, canvas, rng)
             ]
+        return found
+
+    def _whole_loops(self, program: Program[Structure], shape: Shape) -> list[Rewrite]:
+        """Loops to be removed, or to become circles."""
+        ends = np.cumsum(program.structure.sizes)
+        starts = ends - program.structure.sizes
+        round_ones = circles(shape.x, shape.y, shape.b, shape.nxt, starts)
+        found = []
+        for start, end, (x, y, radius) in zip(starts.tolist(), ends.tolist(), round_ones.tolist(), strict=True):
+            sites = frozenset(range(start, end))
+            if "circle" in self.rules and radius != 0 and end - start > 2:
+                data = (float(start), x * self.pixel, y * self.pixel, radius * self.pixel)
+                found.append(Rewrite("circle", sites, data))
+            if "remove-loop" in self.rules and len(starts) > 1:
+                found.append(Rewrite("remove-loop", sites, (float(start),)))
         return found
 
     def apply(self, program: Program[Structure], rewrites: Sequence[Rewrite]) -> Edit[Structure]:
@@ -147,9 +204,23 @@ class ArcLine:
         used = n
         vertices, edges = np.empty(4, np.int64), np.empty(4, np.int64)
         fresh_b: list[int] = []
+        joints, tied = set(program.structure.smooth), set[int]()
         for item in rewrites:
-            rule, site = RULES[item.rule], int(item.data[0])
-            data = _data(item, 1 / self.pixel)
+            site = int(item.data[0])
+            if item.rule in JOINTS:
+                joints.difference_update([site] if item.rule == "sharpen" else [])
+                tied |= set(tied_at(item.rule, site, layout))
+                if item.rule == "bridge":
+                    tied.add(used)
+                    used = rewrite(int(Rule.CHAMFER), site, np.zeros(3), x, y, b, arc, nxt, prv, used)
+                elif item.rule == "bend":
+                    arc[site], b[site] = True, item.data[1]
+                elif item.rule == "straighten":
+                    arc[site], b[site] = False, 0.0
+                    # A joint of two lines is none.
+                    joints -= {v for v in (site, int(nxt[site])) if not (arc[v] or arc[prv[v]])}
+                continue
+            rule, data = RULES[item.rule], _data(item, 1 / self.pixel)
             free, own = touched(rule, site, data, nxt, prv, used, vertices, edges)
             used = rewrite(rule, site, data, x, y, b, arc, nxt, prv, used)
             if item.fit is not None:
@@ -162,13 +233,16 @@ class ArcLine:
         keep = nxt[:used] != np.arange(used)
         if not keep.any():
             return Edit(program, np.arange(layout.size))
-        number = np.where(np.arange(used) < n, np.arange(used), -1)
-        same_edge = number.copy()
+        place = np.arange(used)
+        same_edge = np.where(place < n, place, -1)
         same_edge[[e for e in fresh_b if e < used]] = -1
-        x, y, b, arc, _, vertex, edge, sizes = compact(
-            x[:used], y[:used], b[:used], arc[:used], nxt[:used], number, same_edge, keep
+        x, y, b, arc, _, place, edge, sizes = compact(
+            x[:used], y[:used], b[:used], arc[:used], nxt[:used], place, same_edge, keep
         )
-        changed = from_shape(Shape(x, y, b, arc, nxt), sizes, 1 / self.pixel)
+        vertex = np.where(place < n, place, -1)
+        smooth = still_smooth(vertex, edge, followers(sizes), np.array(sorted(joints), np.int64), layout)
+        smooth = tuple(sorted({*smooth, *np.flatnonzero(np.isin(place, list(tied))).tolist()}))
+        changed = from_shape(Shape(x, y, b, arc, nxt), sizes, 1 / self.pixel, smooth=smooth)
         return Edit(changed, parameter_origin(vertex, edge, arc, layout))
 
     def local_trials(
@@ -180,25 +254,53 @@ class ArcLine:
         price: float,
         steps: int,
     ) -> list[Trial]:
-        """Each rewrite with the values that at most ``steps`` local steps find for it, and what it gains."""
+        """Each rewrite with the values that at most ``steps`` local steps find for it, and what it gains.
+
+        The gain of smooth joints is that of the whole program by its linearisation.
+        """
+        joints = [rewrite for rewrite in rewrites if rewrite.rule in JOINTS]
+        found = []
+        if joints:
+            evaluation = loss.evaluate(self.rasterize(program, canvas))
+            found = joint_trials(program, joints, evaluation, price, [self.growth(program, r) for r in joints])
+        rewrites = [rewrite for rewrite in rewrites if rewrite.rule not in JOINTS]
         if not rewrites:
-            return []
+            return found
         middle = np.array([canvas.width / 2, canvas.height / 2, 0.0])
         rules = np.array([RULES[r.rule] for r in rewrites], np.int64)
         data = np.array([(*r.data, 0.0, 0.0, 0.0)[:4] for r in rewrites])
         sites = data[:, 0].astype(np.int64)
-        data = np.where((rules == Rule.ADD_LOOP)[:, None], data[:, 1:] / canvas.pixel + middle, data[:, 1:])
+        data = np.where(
+            np.isin(rules, (Rule.ADD_LOOP, Rule.CIRCLE))[:, None], data[:, 1:] / canvas.pixel + middle, data[:, 1:]
+        )
         costs = price * canvas.size * np.array([self.growth(program, r) for r in rewrites])
         loops = Linked(*_on(program, canvas), program.structure.layout.prv)
-        picture = Picture(loss.table.target, loss.table.runs, loss.table.squares)
+        picture = Picture(loss.table.target, loss.table.runs, loss.table.squares, loss.table.slack)
         gain, free, fit = trials(rules, sites, data, costs, loops, picture, canvas.ramp, steps)
         # Places of vertices to the grammar's pixels; bulges, behind them, stay as they are.
         places = (fit - np.resize(middle[:2], fit.shape[1])) * (canvas.pixel / self.pixel)
         fit = np.where(np.arange(fit.shape[1]) < 2 * free[:, None], places, fit)
-        return [
+        return found + [
             Trial(Rewrite(rewrites[k].rule, rewrites[k].sites, rewrites[k].data, fit[k]), float(gain[k]) / canvas.size)
             for k in np.flatnonzero(gain > 0).tolist()
         ]
+
+    @property
+    def binding(self) -> frozenset[str]:
+        """The rules of smooth joints."""
+        return self.rules & frozenset(JOINTS)
+
+    def ties(self, program: Program[Structure]) -> list[Rewrite]:
+        """The rewrites that make or free bonds and leave the shape nearly as it is."""
+        return [rewrite for rewrite in joint_rewrites(program, self.pixel) if rewrite.rule in self.rules]
+
+    def bonds(self, program: Program[Structure]) -> tuple[Floats, Floats]:
+        """The kinks at the smooth joints in radians, (k,), and their derivatives (k, n)."""
+        return kinks(program, program.structure.layout.smooth)
+
+    def tightened(self, program: Program[Structure]) -> Program[Structure]:
+        """The program with its smooth joints exactly smooth."""
+        return smoothed(program)
 
     def outline(self, program: Program[Structure]) -> Sketch:
         """The loops as an exact sketch in world units."""
@@ -214,20 +316,24 @@ class ArcLine:
         return Sketch.from_loops(loops, "world")
 
     def encode(self, structure: Structure) -> Any:
-        """Each loop as a word: L for a line, A for an arc."""
-        letters = "".join("A" if arc else "L" for arc in structure.arcs)
+        """Each loop as a word: L for a line, A for an arc, in lower case where it starts at a smooth joint."""
+        letters = ["A" if arc else "L" for arc in structure.arcs]
+        for i in structure.smooth:
+            letters[i] = letters[i].lower()
         ends = np.cumsum((0, *structure.sizes))
-        return [letters[a:b] for a, b in pairwise(ends)]
+        return ["".join(letters[a:b]) for a, b in pairwise(ends)]
 
     def decode(self, value: Any) -> Structure:
         """The structure from its words."""
         if (
             not isinstance(value, list)
             or not value
-            or not all(isinstance(w, str) and set(w) <= {"L", "A"} for w in value)
+            or not all(isinstance(w, str) and set(w) <= {"L", "A", "l", "a"} for w in value)
         ):
             raise GrammarError(f"an Arc-Line structure is a list of words of L and A, got {value!r}")
-        return Structure(tuple(len(word) for word in value), tuple(letter == "A" for word in value for letter in word))
+        letters = "".join(value)
+        smooth = tuple(i for i, letter in enumerate(letters) if letter.islower())
+        return Structure(tuple(len(word) for word in value), tuple(x in "Aa" for x in letters), smooth)
 
 
 def _on(program: Program[Structure], canvas: Canvas) -> Shape:
@@ -237,6 +343,6 @@ def _on(program: Program[Structure], canvas: Canvas) -> Shape:
 
 def _data(item: Rewrite, scale: float) -> Floats:
     """The numbers of a rewrite as the kernels take them, (3,): a circle in pixels, or an edge."""
-    if item.rule == "add-loop":
+    if item.rule in ("add-loop", "circle"):
         return np.array(item.data[1:]) * scale
     return np.array([*item.data[1:], 0.0, 0.0, 0.0][:3])

@@ -14,7 +14,7 @@ import numpy as np
 from d4cad.grammars.arc_line.arrangement import FAILED, GOOD, boundary
 from d4cad.grammars.arc_line.crossings import boxes, meetings
 from d4cad.grammars.arc_line.curves import arc_length, loop_area
-from d4cad.raster.scan import edge_table, monotone_pieces
+from d4cad.raster.pieces import edge_table, monotone_pieces
 
 LEAST_AREA = 2.0
 """Loops of less than this many square pixels are dropped."""

@@ -12,7 +12,7 @@ from enum import IntEnum
 import numba as nb
 import numpy as np
 
-from d4cad.grammars.arc_line.curves import apex, bulge_through, sub_bulge
+from d4cad.grammars.arc_line.curves import apex, arc_length, bulge_through, point_along, sub_bulge, turn_at
 
 
 class Rule(IntEnum):
@@ -42,7 +42,20 @@ class Rule(IntEnum):
     data = (j, p, q): whether the new edge from i's start to j's end, and the one from j's start to i's end, is a
     point."""
 
+    ROUND = 10
+    """A tangent arc between both edges at vertex i, which give way by as much."""
+    CHAMFER = 11
+    """A line between both edges at vertex i, which give way by as much."""
+    SPLIT_THREE = 12
+    """Arc i into three lines through the points at thirds of its sweep."""
+    CIRCLE = 13
+    """The loop of vertex i becomes a circle of two arcs, data = (x, y, radius), clockwise if the radius is negative."""
 
+
+CUT = 6.0
+"""How far (px) the edges at a vertex give way to a new one between them, at most."""
+CUT_SHARE = 0.3
+"""The same as a share of the edges."""
 NEW_VERTICES = 4
 """The most vertices that one rewrite adds."""
 
@@ -69,6 +82,29 @@ def rewrite(rule, site, data, x, y, b, arc, nxt, prv, n):
                 arc[start] = bent
                 b[start] = sub_bulge(bulge, min(1.0, math.hypot(x[end] - x[start], y[end] - y[start]) / length))
         return n
+    if rule == Rule.ROUND or rule == Rule.CHAMFER:
+        p = prv[i]
+        first, second = arc_length(x[p], y[p], x[i], y[i], b[p]), arc_length(x[i], y[i], x[j], y[j], b[i])
+        cut = min(CUT, CUT_SHARE * first, CUT_SHARE * second)
+        kink = turn_at(x, y, b, p, i, j)
+        before, after = 1.0 - cut / max(first, 1e-9), cut / max(second, 1e-9)
+        x[n], y[n] = point_along(x[i], y[i], x[j], y[j], b[i], after)
+        x[i], y[i] = point_along(x[p], y[p], x[i], y[i], b[p], before)
+        b[p] = sub_bulge(b[p], before)
+        arc[n], b[n] = arc[i], sub_bulge(b[i], 1.0 - after)
+        arc[i] = rule == Rule.ROUND
+        b[i] = math.tan(0.25 * kink) if arc[i] else 0.0
+        nxt[n], prv[j] = j, n
+        nxt[i], prv[n] = n, i
+        return n + 1
+    if rule == Rule.SPLIT_THREE:
+        x[n], y[n] = point_along(x[i], y[i], x[j], y[j], b[i], 1.0 / 3.0)
+        x[n + 1], y[n + 1] = point_along(x[i], y[i], x[j], y[j], b[i], 2.0 / 3.0)
+        for e in (i, n, n + 1):
+            arc[e], b[e] = False, 0.0
+        nxt[i], nxt[n], nxt[n + 1] = n, n + 1, j
+        prv[n], prv[n + 1], prv[j] = i, n, n + 1
+        return n + 2
     if rule == Rule.SPLIT or rule == Rule.SPLIT_LINES:
         x[n], y[n] = apex(x[i], y[i], x[j], y[j], b[i])
         arc[n] = arc[i] and rule == Rule.SPLIT
@@ -92,11 +128,17 @@ def rewrite(rule, site, data, x, y, b, arc, nxt, prv, n):
         arc[i], b[i] = arc[j], b[j]
         nxt[i], prv[nxt[j]] = nxt[j], i
         _remove(j, x, y, nxt, prv)
-    elif rule == Rule.REMOVE_LOOP:
+    elif rule == Rule.REMOVE_LOOP or rule == Rule.CIRCLE:
         while nxt[i] != i:
             after = nxt[i]
             _remove(i, x, y, nxt, prv)
             i = after
+        if rule == Rule.CIRCLE:
+            for k in range(2):
+                x[n + k], y[n + k] = data[0] + (2.0 * k - 1.0) * abs(data[2]), data[1]
+                b[n + k], arc[n + k] = 1.0 if data[2] > 0.0 else -1.0, True
+                nxt[n + k], prv[n + k] = n + 1 - k, n + 1 - k
+            return n + 2
     elif rule == Rule.ADD_LOOP:
         r = abs(data[2])
         turn = 1.0 if data[2] > 0.0 else -1.0
@@ -143,6 +185,18 @@ def touched(rule, site, data, nxt, prv, n, vertices, edges):
         for k in range(4):
             vertices[k] = edges[k] = n + k
         return 4, 4
+    if rule == Rule.ROUND or rule == Rule.CHAMFER:
+        vertices[0], vertices[1], vertices[2], vertices[3] = i, n, prv[i], j
+        edges[0], edges[1], edges[2] = i, n, prv[i]
+        return 2, 3
+    if rule == Rule.SPLIT_THREE:
+        vertices[0], vertices[1], vertices[2], vertices[3] = n, n + 1, i, j
+        edges[0], edges[1], edges[2] = i, n, n + 1
+        return 2, 3
+    if rule == Rule.CIRCLE:
+        for k in range(2):
+            vertices[k] = edges[k] = n + k
+        return 2, 2
     if rule == Rule.SPLIT or rule == Rule.SPLIT_LINES:
         vertices[0], vertices[1], vertices[2] = n, i, j
         edges[0], edges[1] = i, n
@@ -150,7 +204,7 @@ def touched(rule, site, data, nxt, prv, n, vertices, edges):
     if rule == Rule.TO_ARC or rule == Rule.TO_LINE:
         vertices[0], vertices[1] = i, j
         edges[0] = i
-        return 0, 1
+        return (2 if rule == Rule.TO_LINE else 0), 1
     if rule == Rule.MERGE_LINE or rule == Rule.MERGE_ARC:
         vertices[0], vertices[1] = prv[i], j
         edges[0] = prv[i]
@@ -186,8 +240,8 @@ def candidates(x, y, b, arc, nxt, prv, sizes, lossy):
     touches (-1: none).
     """
     n = x.shape[0]
-    rules, sites = np.empty(6 * n, np.int64), np.empty(6 * n, np.int64)
-    marks = np.empty((6 * n, 4), np.int64)
+    rules, sites = np.empty(9 * n, np.int64), np.empty(9 * n, np.int64)
+    marks = np.empty((9 * n, 4), np.int64)
     edges = np.empty(4, np.int64)
     vertices = np.empty(4, np.int64)
     data = np.zeros(3)
@@ -202,8 +256,11 @@ def candidates(x, y, b, arc, nxt, prv, sizes, lossy):
             Rule.MERGE_LINE,
             Rule.MERGE_ARC,
             Rule.CLOSE,
+            Rule.ROUND,
+            Rule.CHAMFER,
+            Rule.SPLIT_THREE,
         ):
-            if (rule == Rule.SPLIT_LINES or rule == Rule.TO_LINE) and not arc[i]:
+            if (rule == Rule.SPLIT_LINES or rule == Rule.TO_LINE or rule == Rule.SPLIT_THREE) and not arc[i]:
                 continue
             if rule == Rule.TO_ARC and arc[i]:
                 continue
@@ -222,49 +279,6 @@ def candidates(x, y, b, arc, nxt, prv, sizes, lossy):
             marks[k] = vertices
             k += 1
     return rules[:k], sites[:k], marks[:k]
-
-
-@nb.njit(cache=True)
-def slits(x, y, b, nxt, width):
-    """Pairs of nearly straight edges that run side by side in opposite directions, nowhere further apart than
-    ``width``.
-
-    Returns i, j (k,) int64 and points (k, 2) bool: whether the start of i and the end of j, and the start of j and
-    the end of i, are within ``width``, so that the edge between them would be a point.
-    """
-    n = x.shape[0]
-    first, second = np.empty(n, np.int64), np.empty(n, np.int64)
-    points = np.empty((n, 2), np.bool_)
-    k = 0
-    for i in range(n):
-        end = nxt[i]
-        ux, uy = x[end] - x[i], y[end] - y[i]
-        length = math.hypot(ux, uy)
-        if length <= width or abs(b[i]) * length > 2.0 * width:
-            continue
-        ux, uy = ux / length, uy / length
-        for j in range(i + 1, n):
-            last = nxt[j]
-            size = math.hypot(x[last] - x[j], y[last] - y[j])
-            if size <= width or abs(b[j]) * size > 2.0 * width or end == j or last == i or k == n:
-                continue
-            from_u, to_u = (x[j] - x[i]) * ux + (y[j] - y[i]) * uy, (x[last] - x[i]) * ux + (y[last] - y[i]) * uy
-            if from_u - to_u <= 0.9 * size or min(from_u, length) - max(to_u, 0.0) <= width:
-                continue
-            from_v, to_v = (x[j] - x[i]) * uy - (y[j] - y[i]) * ux, (x[last] - x[i]) * uy - (y[last] - y[i]) * ux
-            near, far = max(to_u, 0.0), min(from_u, length)
-            slope = (from_v - to_v) / (from_u - to_u)
-            if abs(to_v + slope * (near - to_u)) > width or abs(to_v + slope * (far - to_u)) > width:
-                continue
-            ad = math.hypot(x[i] - x[last], y[i] - y[last]) <= width
-            cb = math.hypot(x[end] - x[j], y[end] - y[j]) <= width
-            whole = ad and cb and nxt[last] == i and nxt[end] == j  # nothing else in the loop
-            if whole or (nxt[last] == i and not ad) or (nxt[end] == j and not cb):
-                continue
-            first[k], second[k] = i, j
-            points[k, 0], points[k, 1] = ad, cb
-            k += 1
-    return first[:k], second[:k], points[:k]
 
 
 @nb.njit(cache=True)

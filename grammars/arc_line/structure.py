@@ -18,12 +18,14 @@ class Structure:
     """Closed loops of lines and arcs.
 
     sizes: number of edges of each loop, at least 2. arcs: for every edge, loop after loop, whether it is an arc.
-    Edge i runs from vertex i to the next vertex of its loop. Parameters of a program: x, y of every vertex in world
+    Edge i runs from vertex i to the next vertex of its loop. smooth: vertices, in order, at which both edges share
+    their tangent; one of them is an arc. Parameters of a program: x, y of every vertex in world
     units (2 n), then the bulge tan(sweep / 4) of every arc in order.
     """
 
     sizes: tuple[int, ...]
     arcs: tuple[bool, ...]
+    smooth: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if sum(self.sizes) != len(self.arcs) or any(size < 2 for size in self.sizes):
@@ -35,18 +37,23 @@ class Structure:
     def layout(self) -> Layout:
         """Index arrays derived from the structure."""
         n = len(self.arcs)
-        nxt = np.arange(1, n + 1, dtype=np.int64)
-        start = 0
-        for size in self.sizes:
-            nxt[start + size - 1] = start
-            start += size
+        smooth = np.array(self.smooth, dtype=np.int64)
+        nxt = followers(np.array(self.sizes, dtype=np.int64))
         prv = np.empty_like(nxt)
         prv[nxt] = np.arange(n)
         arc = np.array(self.arcs, dtype=np.bool_)
         bulge = np.where(arc, 2 * n + np.cumsum(arc) - 1, -1).astype(np.int64)
         vertex = np.arange(n, dtype=np.int64)
         columns = np.stack([2 * vertex, 2 * vertex + 1, 2 * nxt, 2 * nxt + 1, bulge], axis=1)
-        return Layout(nxt, prv, arc, np.flatnonzero(arc), columns, 2 * n + int(arc.sum()))
+        return Layout(nxt, prv, arc, np.flatnonzero(arc), columns, 2 * n + int(arc.sum()), smooth)
+
+
+def followers(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The vertex after each, (n,), in loops of ``sizes`` stored one after another."""
+    ends = np.cumsum(sizes)
+    nxt = np.arange(1, int(ends[-1]) + 1, dtype=np.int64)
+    nxt[ends - 1] = ends - sizes
+    return nxt
 
 
 class Layout(NamedTuple):
@@ -54,7 +61,7 @@ class Layout(NamedTuple):
 
     nxt: (n,) int64, the vertex at which each edge ends; prv: (n,) int64, the one before. arc: (n,) bool. arc_edges:
     indices of the arcs. columns: (n, 5) int64, the parameters of an edge: x, y of its start, x, y of its end, its
-    bulge (-1: a line). size: number of parameters.
+    bulge (-1: a line). size: number of parameters. smooth: (k,) int64, the smooth vertices.
     """
 
     nxt: NDArray[np.int64]
@@ -63,6 +70,7 @@ class Layout(NamedTuple):
     arc_edges: NDArray[np.int64]
     columns: NDArray[np.int64]
     size: int
+    smooth: NDArray[np.int64]
 
 
 class Shape(NamedTuple):
@@ -89,7 +97,12 @@ def to_shape(program: Program[Structure], scale: float = 1.0, dx: float = 0.0, d
 
 
 def from_shape(
-    shape: Shape, sizes: NDArray[np.int64], scale: float = 1.0, dx: float = 0.0, dy: float = 0.0
+    shape: Shape,
+    sizes: NDArray[np.int64],
+    scale: float = 1.0,
+    dx: float = 0.0,
+    dy: float = 0.0,
+    smooth: tuple[int, ...] = (),
 ) -> Program[Structure]:
     """The program of loops stored one after another with ``sizes``; the inverse of :func:`to_shape`."""
     n = len(shape.x)
@@ -97,7 +110,22 @@ def from_shape(
     params[0 : 2 * n : 2] = (shape.x - dx) / scale
     params[1 : 2 * n : 2] = (shape.y - dy) / scale
     params[2 * n :] = shape.b[shape.arc]
-    return Program(Structure(tuple(sizes.tolist()), tuple(shape.arc.tolist())), params)
+    return Program(Structure(tuple(sizes.tolist()), tuple(shape.arc.tolist()), smooth), params)
+
+
+def still_smooth(
+    vertex: NDArray[np.int64], edge: NDArray[np.int64], nxt: NDArray[np.int64], smooth: NDArray[np.int64], old: Layout
+) -> tuple[int, ...]:
+    """The new vertices that continue one of the old ``smooth`` ones between the same two edges.
+
+    vertex, edge: (n,) as for :func:`parameter_origin`; nxt: (n,) the new vertices' followers.
+    """
+    if smooth.size == 0:
+        return ()
+    before = np.full(len(nxt), -1)
+    before[nxt] = edge
+    kept = (vertex >= 0) & np.isin(vertex, smooth) & (edge == vertex) & (before == old.prv[vertex])
+    return tuple(np.flatnonzero(kept).tolist())
 
 
 def parameter_origin(

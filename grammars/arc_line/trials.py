@@ -8,18 +8,26 @@ changes, and the bulges of the arcs beside them.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
 
 import numba as nb
 import numpy as np
-from numpy.typing import NDArray
 
 from d4cad.grammars.arc_line.rules import NEW_VERTICES, Rule, rewrite, touched
+from d4cad.grammars.arc_line.scene import (
+    Base,
+    Ints,
+    Linked,
+    Picture,
+    Scene,
+    base_error,
+    base_of,
+    moving_edges,
+    render,
+    scene_of,
+)
 from d4cad.program import Floats
-from d4cad.raster.band import NUMBERS, add_normal_equations, squared_error
-from d4cad.raster.scan import COLUMNS, cut_edge, edge_table, fill_edge, level_range, monotone_pieces, scan_rows, slopes
-
-Ints = NDArray[np.int64]
+from d4cad.raster.band import NUMBERS, add_normal_equations
+from d4cad.raster.scan import slopes
 
 MARGIN = 4.0
 """Pixels that the window extends beyond the affected edges and their ramp."""
@@ -31,62 +39,6 @@ MOST_FREE = 20
 """At most 4 vertices of 2 coordinates, their 4 + 4 edges' bulges, and some room."""
 ROUNDING = 1e-13
 """Squared error per pixel of a window that a rewrite must gain besides its cost: less is not told from rounding."""
-
-
-class Linked(NamedTuple):
-    """Linked loops: vertices, bulge and kind of the edge from each, the next vertex and the one before, (n,) each."""
-
-    x: Floats
-    y: Floats
-    b: Floats
-    arc: NDArray[np.bool_]
-    nxt: Ints
-    prv: Ints
-
-
-class Picture(NamedTuple):
-    """target (height, width) and the sums over its rows of 1 - 2 t and t^2, (height, width + 1) each."""
-
-    target: Floats
-    runs: Floats
-    squares: Floats
-
-
-class Base(NamedTuple):
-    """The program that rewrites are tried on: its loops, its edges as the raster cuts them, and its band.
-
-    first: (height + 1,) the first band pixel of each row; first_span: likewise of its spans.
-    """
-
-    loops: Linked
-    table: Floats
-    owner: Ints
-    ends: Floats
-    pieces: int
-    band: Any
-    first: Ints
-    first_span: Ints
-
-
-class Scene(NamedTuple):
-    """A window and the edges that matter in it: the first ones move, the rest are the base's.
-
-    moving: (k,) the numbers of the moving edges; table, owner, ends: of all edges, the ``fixed`` pieces of the
-    others first and room for the moving ones'; entering: winding number at the left of every row from edges that are
-    left of the window; empty: the squared error of no shape.
-    """
-
-    r0: int
-    r1: int
-    c0: int
-    c1: int
-    moving: Ints
-    table: Floats
-    owner: Ints
-    ends: Floats
-    fixed: int
-    entering: Ints
-    empty: float
 
 
 @nb.njit(cache=True)
@@ -136,56 +88,21 @@ def solve(matrix: Floats, gradient: Floats, damping: float, step: Floats) -> boo
 
 
 @nb.njit(cache=True)
-def _base(loops: Linked, shape: tuple[int, int], ramp: float) -> Base:
-    """The base as cut edges and as a band on a canvas of ``shape``."""
-    height, width = shape
-    n = loops.x.shape[0]
-    table = edge_table(loops.x, loops.y, loops.b, loops.nxt)
-    owner, ends = np.empty(5 * n, np.int64), np.empty((5 * n, 4))
-    pieces = monotone_pieces(table, loops.x, loops.y, loops.nxt, owner, ends)
-    band = scan_rows(table, owner, ends, pieces, np.zeros(height, np.int64), 0, height, 0, width, ramp)
-    rows = np.arange(height + 1)
-    return Base(
-        loops, table, owner, ends, pieces, band, np.searchsorted(band[0], rows), np.searchsorted(band[7][:, 0], rows)
-    )
-
-
-@nb.njit(cache=True)
-def _base_error(base: Base, picture: Picture, r0: int, r1: int, c0: int, c1: int) -> float:
-    """Squared error of the base in a window."""
-    target, runs, squares = picture
-    row, col, cover, wound, spans = base.band[0], base.band[1], base.band[2], base.band[3], base.band[7]
-    total = 0.0
-    for r in range(r0, r1):
-        total += squares[r, c1] - squares[r, c0]
-    for k in range(base.first_span[r0], base.first_span[r1]):
-        start, stop = max(spans[k, 1], c0), min(spans[k, 2], c1)
-        if start < stop:
-            total += runs[spans[k, 0], stop] - runs[spans[k, 0], start]
-    for s in range(base.first[r0], base.first[r1]):
-        if c0 <= col[s] < c1:
-            t = target[row[s], col[s]]
-            hard = 1.0 - t if wound[s] else t
-            total += (cover[s] - t) ** 2 - hard * hard
-    return total
-
-
-@nb.njit(cache=True)
 def _stretch_site(box: Floats, loops: Linked, rule: int, site: int, other: int, vertices: Ints) -> None:
     """Grow a box to hold the edges that a rewrite changes, before it is applied."""
     x, y, b, _, nxt, prv = loops
-    if rule == Rule.REMOVE_LOOP:
+    if rule == Rule.REMOVE_LOOP or rule == Rule.CIRCLE:
         i = site
         while True:
             _stretch_edge(box, x, y, b, nxt, i)
             i = nxt[i]
             if i == site:
-                return
+                break
     for v in vertices:
         if v < x.shape[0]:
             _stretch_edge(box, x, y, b, nxt, v)
             _stretch_edge(box, x, y, b, nxt, prv[v])
-    if rule != Rule.ADD_LOOP:
+    if rule != Rule.ADD_LOOP and rule != Rule.CIRCLE:
         _stretch_edge(box, x, y, b, nxt, site)
     if rule == Rule.CLOSE:
         _stretch_edge(box, x, y, b, nxt, nxt[site])
@@ -218,86 +135,6 @@ def _parameters(loops: Linked, vertices: Ints, own: Ints, columns: Ints, bulges:
 
 
 @nb.njit(cache=True)
-def _moving(loops: Linked, base: Base, columns: Ints) -> Ints:
-    """The edges of the changed loops that are not the base's, or that a trial tunes."""
-    x, y, b, _, nxt, _ = loops
-    old = base.loops
-    n = old.x.shape[0]
-    found = np.empty(x.shape[0], np.int64)
-    count = 0
-    for e in range(x.shape[0]):
-        end = nxt[e]
-        if end == e:
-            continue
-        same = e < n and end == old.nxt[e] and b[e] == old.b[e] and x[e] == old.x[e] and y[e] == old.y[e]
-        if same:
-            same = x[end] == old.x[end] and y[end] == old.y[end]
-        for k in range(NUMBERS):
-            same = same and columns[e, k] < 0
-        if not same:
-            found[count] = e
-            count += 1
-    return found[:count]
-
-
-@nb.njit(cache=True)
-def _scene(
-    loops: Linked, base: Base, moving: Ints, picture: Picture, r0: int, r1: int, c0: int, c1: int, ramp: float
-) -> Scene:
-    """The edges of the base that stay and can be seen in a window, with room for the moving ones."""
-    n = base.loops.x.shape[0]
-    gone = np.zeros(n, np.bool_)
-    for e in range(n):
-        gone[e] = loops.nxt[e] == e
-    for e in moving:
-        if e < n:
-            gone[e] = True
-    table = np.empty((moving.shape[0] + n, COLUMNS))
-    owner = np.empty(base.pieces + 5 * moving.shape[0], np.int64)
-    ends = np.empty((owner.shape[0], 4))
-    entering = np.zeros(r1 - r0, np.int64)
-    last, edges, fixed = -1, moving.shape[0], 0
-    for k in range(base.pieces):
-        e = base.owner[k]
-        xa, ya, xb, yb = base.ends[k, 0], base.ends[k, 1], base.ends[k, 2], base.ends[k, 3]
-        if gone[e] or min(xa, xb) - ramp > c1 or min(ya, yb) - ramp > r1 or max(ya, yb) + ramp < r0:
-            continue
-        if max(xa, xb) + ramp < c0:
-            low, high, turn = level_range(base.ends, k, r0, r1)
-            for r in range(low, high):
-                entering[r - r0] += turn
-            continue
-        if e != last:
-            table[edges] = base.table[e]
-            edges += 1
-            last = e
-        owner[fixed] = edges - 1
-        ends[fixed] = base.ends[k]
-        fixed += 1
-    empty = 0.0
-    for r in range(r0, r1):
-        empty += picture.squares[r, c1] - picture.squares[r, c0]
-    return Scene(r0, r1, c0, c1, moving, table, owner, ends, fixed, entering, empty)
-
-
-@nb.njit(cache=True)
-def _render(scene: Scene, loops: Linked, picture: Picture, ramp: float) -> tuple[Any, float]:
-    """The band of a scene with its moving edges as they are now, and its squared error."""
-    x, y, b, _, nxt, _ = loops
-    pieces = scene.fixed
-    for i in range(scene.moving.shape[0]):
-        e = scene.moving[i]
-        x1, y1 = x[nxt[e]], y[nxt[e]]
-        fill_edge(scene.table, i, x[e], y[e], x1, y1, b[e])
-        pieces = cut_edge(scene.table, i, x1, y1, scene.owner, scene.ends, pieces)
-    band = scan_rows(
-        scene.table, scene.owner, scene.ends, pieces, scene.entering, scene.r0, scene.r1, scene.c0, scene.c1, ramp
-    )
-    error = squared_error(picture.target, picture.runs, scene.empty, band[0], band[1], band[2], band[3], band[7])
-    return band, error
-
-
-@nb.njit(cache=True)
 def _put(values: Floats, vertices: Ints, bulges: Ints, loops: Linked) -> None:
     """Set a trial's parameters in its loops."""
     for k in range(vertices.shape[0]):
@@ -323,7 +160,7 @@ def _descend(
 
     Ends early when a step's progress leaves no hope of getting under ``goal`` by the remaining ones.
     """
-    band, error = _render(scene, loops, picture, ramp)
+    band, error = render(scene, loops, picture, ramp)
     size = values.shape[0]
     edges = scene.moving.shape[0]
     own_columns = np.empty((edges, NUMBERS), np.int64)
@@ -339,7 +176,8 @@ def _descend(
             gradient[:] = 0.0
             slope = slopes(scene.table, band, ramp, 1.0, edges)
             add_normal_equations(
-                picture.target, band[0], band[1], band[2], band[4], slope, own_columns, gradient, matrix
+                picture.target, band.row, band.col, band.cover, band.edge, slope, own_columns, gradient, matrix,
+                picture.slack,
             )  # fmt: skip
         if not solve(matrix, gradient, damping, step):
             break
@@ -350,7 +188,7 @@ def _descend(
         for k in range(size):
             tried[k] = values[k] + cut * step[k]
         _put(tried, vertices, bulges, loops)
-        new_band, new = _render(scene, loops, picture, ramp)
+        new_band, new = render(scene, loops, picture, ramp)
         fresh = new < error
         if fresh:
             if taken > 0 and new - HOPE * (steps - taken) * (error - new) > goal:
@@ -408,13 +246,13 @@ def _trial(
     if r1 <= r0 or c1 <= c0:
         return -1.0, free
 
-    goal = _base_error(base, picture, r0, r1, c0, c1) - cost - ROUNDING * (r1 - r0) * (c1 - c0)
+    goal = base_error(base, picture, r0, r1, c0, c1) - cost - ROUNDING * (r1 - r0) * (c1 - c0)
     if goal <= 0.0:
         return goal, free
     columns = np.full((n + NEW_VERTICES, NUMBERS), -1)
     bulges = np.empty(MOST_FREE, np.int64)
     size = _parameters(room, vertices, own, columns, bulges)
-    scene = _scene(room, base, _moving(room, base, columns), picture, r0, r1, c0, c1, ramp)
+    scene = scene_of(room, base, moving_edges(room, base, columns), picture, r0, r1, c0, c1, ramp)
     values = fit[:size]
     for k in range(size):
         values[k] = b[bulges[k]] if k >= 2 * free else (x[vertices[k // 2]] if k % 2 == 0 else y[vertices[k // 2]])
@@ -435,7 +273,7 @@ def trials(
     gain = np.empty(count)
     free = np.empty(count, np.int64)
     fit = np.zeros((count, MOST_FREE))
-    base = _base(loops, picture.target.shape, ramp)
+    base = base_of(loops, picture.target.shape, ramp)
     room = Linked(
         np.empty(more), np.empty(more), np.empty(more),
         np.empty(more, np.bool_), np.empty(more, np.int64), np.empty(more, np.int64),
