@@ -1,0 +1,253 @@
+"""From a fitted sketch to the one that its designer drew: relations found, solved for jointly, and kept if they may."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite, sqrt
+
+import numpy as np
+
+from d4cad.edges import Floats
+from d4cad.errors import GeometryError
+from d4cad.regularize.candidates import single_candidates
+from d4cad.regularize.equations import Equations, equations, gauge
+from d4cad.regularize.evidence import Evidence
+from d4cad.regularize.measures import Measures
+from d4cad.regularize.naming import named_dimensions
+from d4cad.regularize.parameters import Parameters
+from d4cad.regularize.patterns import pattern_candidates
+from d4cad.regularize.rounding import MILLIMETRES, round_candidates
+from d4cad.regularize.selection import LIMIT, Belief, Candidate, believed
+from d4cad.regularize.solving import solved
+from d4cad.relations import Relation
+from d4cad.sketch import Sketch
+
+PASSES = 5
+RENEWALS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """What a unit of the sketch measures. mm: millimetres per unit. steps: round sizes are multiples of these, in mm.
+    wide: whether the sketch's width was given, and so is not to be changed.
+    """
+
+    mm: float
+    steps: tuple[float, ...] = MILLIMETRES
+    wide: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Regularized:
+    """sketch: with its relations and dimensions. params: its numbers, laid out as `Parameters` says. before, after:
+    loss of the most likely parameters and of these. freed: parameters that the relations take. moved: the longest way
+    of a vertex (of a full circle: its radius and centre), in the sketch's unit.
+    """
+
+    sketch: Sketch
+    params: Floats
+    before: float
+    after: float
+    freed: int
+    moved: float
+
+
+def regularized(
+    sketch: Sketch,
+    evidence: Evidence,
+    *,
+    scale: Scale | None = None,
+    renewed: Callable[[Floats], Evidence] | None = None,
+) -> Regularized:
+    """The sketch with the relations that the evidence makes likely, all of them exact.
+
+    Relations that the sketch has already are kept. Others are proposed (candidates.py, patterns.py, and rounding.py if
+    a ``scale`` is given), chosen by their evidence (selection.py), solved jointly with all before them (solving.py), and
+    kept only if the loss rises by no more than noise would explain and no loop is crossed; of those that are refused
+    together, halves are tried. ``renewed``: the evidence as it is at other parameters, with which the last solution is
+    refined.
+    """
+    if not sketch.faces:
+        return Regularized(sketch, evidence.params, 0.0, 0.0, 0, 0.0)
+    work = _Work(Parameters(sketch), evidence, evidence.spread(Parameters(sketch)), evidence.loss(evidence.params))
+    state = _State([Candidate(relation, 0.0) for relation in sketch.relations], evidence.params, 0)
+    start = solved(sketch.relations, work.layout, evidence.params, work.spread)
+    state = replace(state, params=start) if start is not None else _State([], evidence.params, 0)
+    state = _grown(work, state, work.shapes)
+    if scale is not None:
+        if scale.wide and not any(c.relation.kind == "width" for c in state.kept):
+            xmin, _, xmax, _ = work.layout.sketched(state.params).bounds
+            state = replace(state, kept=[*state.kept, Candidate(Relation("width", (), xmax - xmin), 0.0)])
+        state = _grown(work, state, lambda at, spread, params: work.sizes(at, params, scale))
+    params = _renewed(work, state, renewed) if renewed is not None and state.kept else state.params
+    params = _exact(work.layout, [c.relation for c in state.kept], params)
+    found = replace(work.layout.sketched(params), relations=tuple(c.relation for c in state.kept))
+    return Regularized(
+        replace(found, dimensions=named_dimensions(found)),
+        params,
+        work.before,
+        evidence.loss(params),
+        state.rank,
+        _longest_way(work.layout, evidence.params, params),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _State:
+    """What holds so far, the parameters at which it does, and the number of parameters that it takes."""
+
+    kept: list[Candidate]
+    params: Floats
+    rank: int
+
+
+Proposals = Callable[[Measures, Measures, Floats], list[Candidate]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Work:
+    """What stays the same throughout."""
+
+    layout: Parameters
+    evidence: Evidence
+    spread: Floats
+    before: float
+
+    def shapes(self, at: Measures, spread: Measures, params: Floats) -> list[Candidate]:
+        """Candidates that need no scale."""
+        return [*pattern_candidates(self.layout, at, self.evidence.pixel), *single_candidates(self.layout, at, spread)]
+
+    def sizes(self, at: Measures, params: Floats, scale: Scale) -> list[Candidate]:
+        """Candidates for round sizes."""
+        return list(round_candidates(self.layout, at, self.layout.sketched(params), scale.mm, scale.steps))
+
+    def tried(self, kept: Sequence[Candidate], rank: int) -> Floats | None:
+        """The parameters at which all of ``kept`` hold, if the loss and the loops allow it."""
+        params = solved([c.relation for c in kept], self.layout, self.evidence.params, self.spread)
+        if params is None:
+            return None
+        try:
+            self.layout.sketched(params)
+        except GeometryError:
+            return None
+        risen = (self.evidence.loss(params) - self.before) / self.evidence.variance
+        return params if isfinite(risen) and risen <= rank + LIMIT * sqrt(2 * rank) + LIMIT else None
+
+
+def _grown(work: _Work, state: _State, proposals: Proposals) -> _State:
+    """The state with all that is proposed at it and may be kept, until nothing more may."""
+    refused: set[Relation] = set()
+    for _ in range(PASSES):
+        at = Measures.of(work.layout, state.params)
+        spread = at.taken_to(work.spread)
+        belief = Belief.nothing(work.spread.shape[1])
+        for system in (
+            gauge(work.layout, spread),
+            *(equations(c.relation, work.layout, spread) for c in state.kept),
+        ):
+            if system.residual.size:
+                verdict = belief.verdict(system, 0.0)
+                if verdict is not None:
+                    belief.believe(verdict)
+        known = {c.relation for c in state.kept} | refused
+        fresh = [c for c in proposals(at, spread, state.params) if c.relation not in known]
+        chosen = believed(((c, _system(c, work.layout, spread)) for c in fresh), belief)
+        chosen = _joining(chosen, [c.relation for c in state.kept])
+        if not chosen:
+            break
+        grown = _extended(work, state, chosen)
+        refused |= {c.relation for c, _ in chosen} - {c.relation for c in grown.kept}
+        if len(grown.kept) == len(state.kept):
+            break
+        state = grown
+    return state
+
+
+def _system(candidate: Candidate, layout: Parameters, spread: Measures) -> Equations:
+    system = equations(candidate.relation, layout, spread)
+    if candidate.spread is None:
+        return system
+    return system._replace(spread=np.full_like(system.spread, candidate.spread))
+
+
+def _extended(work: _Work, state: _State, chosen: list[tuple[Candidate, int]]) -> _State:
+    """The state with as many of the chosen as may be kept: all, or what halves of them leave."""
+    kept, rank = [*state.kept, *(c for c, _ in chosen)], state.rank + sum(r for _, r in chosen)
+    params = work.tried(kept, rank)
+    if params is not None:
+        return _State(kept, params, rank)
+    if len(chosen) == 1:
+        return state
+    half = (len(chosen) + 1) // 2
+    return _extended(work, _extended(work, state, chosen[:half]), chosen[half:])
+
+
+def _joining(chosen: list[tuple[Candidate, int]], kept: Sequence[Relation]) -> list[tuple[Candidate, int]]:
+    """Without the implied pairs whose edges other pairs of their kind have joined already."""
+    home: dict[tuple[str, object], tuple[str, object]] = {}
+
+    def root(key: tuple[str, object]) -> tuple[str, object]:
+        while home.setdefault(key, key) != key:
+            key = home[key]
+        return key
+
+    found = []
+    for candidate, rank in [*((Candidate(r, 0.0), 1) for r in kept), *chosen]:
+        relation = candidate.relation
+        if len(relation.refs) == 2 and relation.kind not in ("tangent", "symmetric"):
+            a, b = (root((relation.kind, ref)) for ref in relation.refs)
+            if a == b and rank == 0:
+                continue
+            home[a] = b
+        found.append((candidate, rank))
+    return found[len(kept) :]
+
+
+def _renewed(work: _Work, state: _State, renewed: Callable[[Floats], Evidence]) -> Floats:
+    """The parameters refined by fresh evidence at them, as long as that lowers the loss."""
+    relations, params = [c.relation for c in state.kept], state.params
+    loss = work.evidence.loss(params)
+    for _ in range(RENEWALS):
+        fresh = renewed(params)
+        better = solved(relations, work.layout, fresh.params, fresh.spread(work.layout))
+        if better is None:
+            break
+        try:
+            work.layout.sketched(better)
+        except GeometryError:
+            break
+        lower = work.evidence.loss(better)
+        if not lower < loss:
+            break
+        params, gained, loss = better, loss - lower, lower
+        if gained < 1e-3 * loss:
+            break
+    return params
+
+
+def _exact(layout: Parameters, relations: Sequence[Relation], params: Floats) -> Floats:
+    """The parameters with equal coordinates equal to the last bit, and semicircles' bulges 1."""
+    params = params.copy()
+    count = layout.starts[-1]
+    for kind, offset in (("horizontal", 1), ("vertical", 0)):
+        group = np.arange(count)
+        pairs = [(k, int(layout.following[k])) for r in relations if r.kind == kind and len(r.refs) == 1
+                 for k in (layout.number(r.refs[0]),)]  # fmt: skip
+        if kind == "horizontal":
+            pairs += [(layout.starts[loop], layout.starts[loop] + 1) for loop in np.flatnonzero(layout.circles)]
+        for a, b in pairs:
+            group[group == group[b]] = group[a]
+        for leader in np.unique(group):
+            members = 2 * np.flatnonzero(group == leader) + offset
+            if members.size > 1:
+                params[members] = params[members].mean()
+    for loop in np.flatnonzero(layout.circles):
+        for k in (layout.starts[loop], layout.starts[loop] + 1):
+            params[layout.columns[k, 4]] = np.sign(params[layout.columns[k, 4]])
+    return params
+
+
+def _longest_way(layout: Parameters, before: Floats, after: Floats) -> float:
+    count = layout.starts[-1]
+    return float(np.hypot(*(after - before)[: 2 * count].reshape(-1, 2).T).max(initial=0.0))

@@ -1,0 +1,108 @@
+"""What a picture says about an outline, and the outline regularised by it (:mod:`d4cad.regularize`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import LinAlgError, solve
+
+from d4cad.canvas import Canvas
+from d4cad.edges import Floats
+from d4cad.errors import GeometryError
+from d4cad.program import Program
+from d4cad.protocols import Grammar
+from d4cad.raster.band import SquaresTable
+from d4cad.regularize import Evidence, Parameters, Regularized, Scale, regularized
+from d4cad.sketch import Sketch
+
+POLISH = 5
+"""Most Gauss-Newton steps of the joined outline before relations are looked for."""
+DAMPING = 1e-6
+FLOOR = 1e-8
+"""Least variance of a pixel: what moves an edge by 1e-4 pixels or less is not told from rounding."""
+ROUNDING = 1 / 12 / 255**2
+"""Variance that rounding to 8 bits leaves."""
+TRIMMED = 0.02
+"""Share of the boundary's pixels, the worst, that do not count as noise: a feature that was missed."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Picture:
+    """A picture as evidence about the parameters of an outline: the program that draws it, and a target."""
+
+    program: Program[Any]
+    grammar: Grammar[Any]
+    canvas: Canvas
+    table: SquaresTable
+
+    def loss(self, params: Floats) -> float:
+        """Sum of squared errors."""
+        return self.table.value(self.grammar.rasterize(self.program.moved(params), self.canvas))
+
+    def newton(self, params: Floats) -> tuple[Floats, Floats]:
+        """The parameters that the Gauss-Newton step leads to, and the matrix J'J."""
+        _, force, matrix = self.table.normal(self.grammar.rasterize(self.program.moved(params), self.canvas))
+        diagonal = np.diagonal(matrix)
+        damped = matrix + np.diag(DAMPING * diagonal + 1e-9 * diagonal.max(initial=1e-300))
+        try:
+            return params - solve(damped, force, assume_a="pos"), matrix
+        except LinAlgError:
+            return params, matrix
+
+    def variance(self, params: Floats) -> float:
+        """Variance of a pixel at the boundary, from what the outline leaves unexplained there."""
+        band = self.grammar.rasterize(self.program.moved(params), self.canvas)
+        edge = (band.cover > 0) & (band.cover < 1)
+        target = self.table.target[band.row[edge], band.col[edge]]
+        squares = np.sort((band.cover[edge] - target) ** 2)
+        left = squares[: max(squares.size - int(TRIMMED * squares.size), 1)]
+        levels = self.table.target * 255
+        least = ROUNDING if np.abs(levels - np.round(levels)).max() < 1e-6 else FLOOR
+        return max(float(left.mean()) if left.size else 0.0, least)
+
+
+def snapped(
+    outline: Sketch,
+    program: Program[Any],
+    grammar: Grammar[Any],
+    canvas: Canvas,
+    target: Floats,
+    scale: Scale | None = None,
+) -> Regularized:
+    """The outline, in world units, regularised by the picture ``target`` (height, width).
+
+    program: what draws it, with the parameters of `Parameters`. scale: mm per world unit, if round sizes are wanted.
+    """
+    layout = Parameters(outline)
+    picture = Picture(program, grammar, canvas, SquaresTable.of(target))
+    params = _polished(picture, layout)
+    variance = picture.variance(params)
+
+    def renewed(at: Floats) -> Evidence:
+        best, matrix = picture.newton(at)
+        return Evidence(best, matrix, picture.loss, variance, canvas.pixel)
+
+    _, matrix = picture.newton(params)
+    evidence = Evidence(params, matrix, picture.loss, variance, canvas.pixel)
+    return regularized(outline, evidence, scale=scale, renewed=renewed)
+
+
+def _polished(picture: Picture, layout: Parameters) -> Floats:
+    """The outline's parameters after the few steps that undo what joining its edges has cost."""
+    params = layout.values
+    loss = picture.loss(params)
+    for _ in range(POLISH):
+        step, _ = picture.newton(params)
+        better = picture.loss(step)
+        if not better < loss:
+            break
+        try:
+            layout.sketched(step)
+        except GeometryError:
+            break
+        gained, params, loss = loss - better, step, better
+        if gained < 1e-3 * loss:
+            break
+    return params
