@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from d4cad import exporters, io
 from d4cad.canvas import Canvas
@@ -28,7 +29,9 @@ from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
 from d4cad.program import Floats, Program
 from d4cad.protocols import Grammar
 from d4cad.registry import entry, make_grammar, make_method
+from d4cad.relations import Relation
 from d4cad.sketch import Sketch
+from d4cad.snapping import Snap, scale_of, snapped
 
 MARGIN = 8
 """Pixels of ground that are put around a picture whose shape touches its border."""
@@ -48,7 +51,7 @@ class Fit:
     psnr: dB of its coverage against the target. outline: its exact outline in world units, neighbours on one line or
     circle joined. seconds, wall: CPU and elapsed seconds of the optimisation. settings: what was asked for, as JSON
     values. made: size and origin that the picture or the program file states. target: (height, width) coverage, row 0
-    lowest; None if the fit came from a program file.
+    lowest; None if the fit came from a program file. snap: what regularisation has done, None if it was not asked for.
     """
 
     program: Program[Any]
@@ -63,6 +66,12 @@ class Fit:
     settings: Mapping[str, Any]
     made: Placement = field(default_factory=Placement)
     target: Floats | None = None
+    snap: Snap | None = None
+
+    @property
+    def relations(self) -> tuple[Relation, ...]:
+        """What holds exactly between the edges of `outline`; its named sizes are ``outline.dimensions``."""
+        return self.outline.relations
 
     @property
     def primitives(self) -> int:
@@ -170,6 +179,8 @@ class Fit:
             primitives=self.primitives,
             unit=loops.unit,
             loops=loops.to_neutral(),
+            relations=loops.relations,
+            dimensions=loops.dimensions,
             extra={"cpu_s": self.seconds, "wall_s": self.wall, **(extra or {})},
         )
 
@@ -189,13 +200,16 @@ def fit_image(
     invert: bool = False,
     watch: Watch | None = None,
     ramp: float | None = None,
+    snap: bool = True,
+    size: Placement | None = None,
 ) -> Fit:
     """Fit a program to a picture.
 
     image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". init: "axiom",
     or a program file or fit to go on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture
     binary. invert: exchange shape and ground. watch: called with a Record after every round. ramp: half-width in pixels
-    of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster.
+    of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster. snap: make relations exact that the
+    picture makes likely (:mod:`d4cad.regularize`). size: of the part, if known: sizes in mm may be made round then.
     Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
     """
     _check_request(seed, max_time, ramp)
@@ -214,6 +228,8 @@ def fit_image(
         max_time=max_time,
         watch=watch,
         floor=model.floor,
+        snap=snap,
+        size=size,
     )
     asked = {"picture": picture.name, "threshold": threshold, "invert": invert}
     return replace(fit, settings={**asked, **fit.settings}, made=Placement(dpi=picture.dpi))
@@ -230,6 +246,8 @@ def fit_coverage(
     max_time: float | None = None,
     watch: Watch | None = None,
     floor: float | None = None,
+    snap: bool = False,
+    size: Placement | None = None,
 ) -> Fit:
     """Fit a program to coverage on a canvas: (height, width) in [0, 1], row 0 lowest.
 
@@ -270,7 +288,7 @@ def fit_coverage(
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     program = _drawable(language, [*seen, found.program])
     error = float(np.mean((language.rasterize(program, canvas).coverage - target) ** 2))
-    return Fit(
+    fit = Fit(
         program=program,
         canvas=canvas,
         grammar=language,
@@ -285,8 +303,37 @@ def fit_coverage(
             "seed": seed,
             "init": "axiom" if start is None else "program",
             "max_time": max_time,
+            "snap": snap,
         },
         target=target,
+    )
+    return regularised(fit, size) if snap else fit
+
+
+def regularised(fit: Fit, size: Placement | None = None) -> Fit:
+    """The fit with the relations that its picture makes likely (:mod:`d4cad.regularize`), its program drawing the
+    regularised outline. size: of the part, if round sizes in mm are wanted. Raises InputError for a fit without target.
+    """
+    draw = entry(fit.grammar.name).draw
+    if fit.target is None:
+        raise InputError("a fit from a program file has no picture to be regularised by")
+    if draw is None:
+        return fit
+    cpu, wall = time.process_time(), time.perf_counter()
+    scale = scale_of(size, fit.outline, fit.canvas)
+    with threadpool_limits(limits=1):
+        snap, program = snapped(fit.outline, draw, fit.grammar, fit.canvas, fit.target, scale)
+    cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+    if not snap.relations:
+        return replace(fit, snap=snap, seconds=fit.seconds + cpu, wall=fit.wall + wall)
+    return replace(
+        fit,
+        program=program,
+        outline=snap.sketch,
+        psnr=decibels(float(np.mean((fit.grammar.rasterize(program, fit.canvas).coverage - fit.target) ** 2))),
+        seconds=fit.seconds + cpu,
+        wall=fit.wall + wall,
+        snap=snap,
     )
 
 
@@ -338,18 +385,34 @@ def _decoded(file: io.ProgramFile) -> Fit:
     if file.stop.upper() not in Stop.__members__:
         raise InputError(f"its stop is {file.stop!r}, expected one of {', '.join(Stop.__members__).lower()}")
     program = Program(structure, np.array(file.params))
+    outline = joined_outline(grammar, program, file.canvas, 10 ** (-file.psnr / 10))
+    if file.relations or file.dimensions:  # a regularised program draws its outline edge by edge
+        outline = _related(grammar.outline(program), file)
     return Fit(
         program=program,
         canvas=file.canvas,
         grammar=grammar,
         psnr=file.psnr,
-        outline=joined_outline(grammar, program, file.canvas, 10 ** (-file.psnr / 10)),
+        outline=outline,
         history=tuple(Record(**record) for record in file.history),  # type: ignore[arg-type]
         stop=Stop[file.stop.upper()],
         seconds=_seconds(file.extra, "cpu_s"),
         wall=_seconds(file.extra, "wall_s"),
         settings={key: value for key, value in file.settings.items() if key != "placement"},
         made=_placement(file.settings.get("placement", {})),
+    )
+
+
+def _related(outline: Sketch, file: io.ProgramFile) -> Sketch:
+    """The outline, in world units, with the file's relations, whose lengths are in the file's unit."""
+    written = Sketch.from_neutral(file.loops, file.unit)
+    if [len(loop.bulges) for loop in written.loops] != [len(loop.bulges) for loop in outline.loops]:
+        raise InputError("its loops are not those of its program, so that its relations say nothing")
+    factor = outline.length / written.length
+    return replace(
+        outline,
+        relations=tuple(relation.scaled(factor) for relation in file.relations),
+        dimensions=tuple(dimension.scaled(factor) for dimension in file.dimensions),
     )
 
 

@@ -10,10 +10,12 @@ from d4cad.canvas import Canvas
 from d4cad.descent import Method
 from d4cad.errors import InputError
 from d4cad.grammars.arc_line import ArcLine, sagitta_metric
+from d4cad.grammars.arc_line.drawing import drawn
 from d4cad.grammars.arc_line.places import UniformPlaces
 from d4cad.methods import fast, paper
 from d4cad.program import Floats, Program
 from d4cad.protocols import Grammar
+from d4cad.sketch import Sketch
 
 PAPER_LOSSY = 0.03
 """World length by which the paper lets a lossy rewrite move the outline (SPEC 3)."""
@@ -23,12 +25,13 @@ PAPER_RULES = ("split", "to-arc", "to-line", "merge-line", "merge-arc", "close",
 @dataclass(frozen=True, slots=True)
 class Entry:
     """A grammar: as the default method wants it, as the paper has it, the number of parameters of a structure,
-    and the paper's scaling of the gradient."""
+    the paper's scaling of the gradient, and the program that draws a given outline, where there always is one."""
 
     fast: Callable[[Canvas], Grammar[Any]]
     paper: Callable[[Canvas], Grammar[Any]]
     size: Callable[[Any], int]
     metric: Callable[[Program[Any]], Floats] | None = None
+    draw: Callable[[Sketch], Program[Any]] | None = None
 
 
 def _paper_arc_line(canvas: Canvas) -> ArcLine:
@@ -42,6 +45,7 @@ GRAMMARS = {
         paper=_paper_arc_line,
         size=lambda structure: int(structure.layout.size),
         metric=sagitta_metric,
+        draw=drawn,
     ),
 }
 METHODS: dict[str, Callable[[Entry, Canvas, float], Method]] = {

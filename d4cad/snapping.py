@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,10 +12,12 @@ from scipy.linalg import LinAlgError, solve
 from d4cad.canvas import Canvas
 from d4cad.edges import Floats
 from d4cad.errors import GeometryError
+from d4cad.placement import Placement
 from d4cad.program import Program
 from d4cad.protocols import Grammar
 from d4cad.raster.band import SquaresTable
-from d4cad.regularize import Evidence, Parameters, Regularized, Scale, regularized
+from d4cad.regularize import Evidence, Parameters, Scale, regularized
+from d4cad.relations import Relation
 from d4cad.sketch import Sketch
 
 POLISH = 5
@@ -63,20 +66,48 @@ class Picture:
         return max(float(left.mean()) if left.size else 0.0, least)
 
 
+@dataclass(frozen=True, slots=True)
+class Snap:
+    """What regularisation has done to an outline, in world units.
+
+    sketch: with relations and dimensions. moved: the longest way of a vertex. before, after: mean squared error without
+    and with the relations. freed: the number of parameters that they take.
+    """
+
+    sketch: Sketch
+    moved: float
+    before: float
+    after: float
+    freed: int
+
+    @property
+    def relations(self) -> tuple[Relation, ...]:
+        """What holds exactly now."""
+        return self.sketch.relations
+
+
+def scale_of(size: Placement | None, outline: Sketch, canvas: Canvas) -> Scale | None:
+    """mm per world unit of an outline that ``size`` places; None if no size is given."""
+    if size is None or not size.sized:
+        return None
+    return Scale(size.factor(outline, canvas), wide=size.width is not None)
+
+
 def snapped(
     outline: Sketch,
-    program: Program[Any],
+    draw: Callable[[Sketch], Program[Any]],
     grammar: Grammar[Any],
     canvas: Canvas,
     target: Floats,
     scale: Scale | None = None,
-) -> Regularized:
-    """The outline, in world units, regularised by the picture ``target`` (height, width).
+) -> tuple[Snap, Program[Any]]:
+    """The outline, in world units, regularised by the picture ``target`` (height, width); and the program that draws it.
 
-    program: what draws it, with the parameters of `Parameters`. scale: mm per world unit, if round sizes are wanted.
+    draw: the program of an outline, with its parameters laid out as `Parameters` says. scale: mm per world unit, if
+    round sizes are wanted.
     """
     layout = Parameters(outline)
-    picture = Picture(program, grammar, canvas, SquaresTable.of(target))
+    picture = Picture(draw(outline), grammar, canvas, SquaresTable.of(target))
     params = _polished(picture, layout)
     variance = picture.variance(params)
 
@@ -86,7 +117,9 @@ def snapped(
 
     _, matrix = picture.newton(params)
     evidence = Evidence(params, matrix, picture.loss, variance, canvas.pixel)
-    return regularized(outline, evidence, scale=scale, renewed=renewed)
+    found = regularized(outline, evidence, scale=scale, renewed=renewed)
+    before, after = (loss / canvas.size for loss in (found.before, found.after))
+    return Snap(found.sketch, found.moved, before, after, found.freed), picture.program.moved(found.params)
 
 
 def _polished(picture: Picture, layout: Parameters) -> Floats:
