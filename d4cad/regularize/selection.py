@@ -70,10 +70,11 @@ class Belief:
         return cls(np.zeros((size, 0)), np.zeros(size))
 
     def verdict(self, system: Equations, price: float) -> Verdict | None:
-        """How believable a relation is whose rows are given in standard deviations; None if it contradicts."""
+        """How believable a relation is whose rows are given in standard deviations; None if it contradicts,
+        or if it says nothing: a line and an arc always mirror themselves."""
         rows, residual = system.rows, system.residual
         own = np.linalg.norm(rows, axis=1)
-        if np.any(own == 0) or not np.all(np.isfinite(own)):
+        if own.size == 0 or np.any(own == 0) or not np.all(np.isfinite(own)):
             return None
         residual = (residual + rows @ self.move) / own
         rows = rows / own[:, None]
