@@ -37,7 +37,7 @@ def single_candidates(layout: Parameters, at: Measures, spread: Measures) -> lis
         *_tangents(layout, second, arcs),
         *_directions(layout, lines, at, spread),
         *_angles(layout, lines, at),
-        *_pairs(layout, arcs, spread.radius, "equal_radius", RATIOS, LIKELY),
+        *_pairs(layout, arcs, spread.radius, "equal_radius", RATIOS, USUAL),
         *_concentric(layout, arcs, rings, at, spread),
         *_pairs(layout, lines, spread.chord, "equal_length", RATIOS, USUAL),
         *_collinear(layout, lines, at, spread),
@@ -107,7 +107,7 @@ def _angles(layout: Parameters, lines: Ints, at: Measures) -> Iterator[Candidate
         if k != longest and steps % 6:
             # of the twelve directions within half a turn a designer means one, and seldom one of these
             relation = _relation(layout, "angle", longest, k, value=steps * ROUND_ANGLE)
-            yield Candidate(relation, USUAL + log(pi / ROUND_ANGLE))
+            yield Candidate(relation, SELDOM + log(pi / ROUND_ANGLE))
 
 
 def _pairs(

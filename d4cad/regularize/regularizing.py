@@ -18,13 +18,18 @@ from d4cad.regularize.naming import named_dimensions
 from d4cad.regularize.parameters import Parameters
 from d4cad.regularize.patterns import pattern_candidates
 from d4cad.regularize.rounding import MILLIMETRES, round_candidates
-from d4cad.regularize.selection import LIMIT, Belief, Candidate, believed
+from d4cad.regularize.selection import LIMIT, TOLD, Belief, Candidate, believed
 from d4cad.regularize.solving import solved
 from d4cad.relations import Relation
 from d4cad.sketch import Sketch
 
 PASSES = 5
 RENEWALS = 3
+ORDER = (
+    "width", "height", "horizontal", "vertical", "tangent", "symmetric", "congruent", "polar", "row", "equal_radius",
+    "concentric", "collinear", "parallel", "perpendicular", "equal_length", "angle",
+)  # fmt: skip
+"""The order in which relations are told: what makes others follow comes first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +86,9 @@ def regularized(
             state = replace(state, kept=[*state.kept, Candidate(Relation("width", (), xmax - xmin), 0.0)])
         state = _grown(work, state, lambda at, spread, params: work.sizes(at, params, scale))
     params = _renewed(work, state, renewed) if renewed is not None and state.kept else state.params
-    params = _exact(work.layout, [c.relation for c in state.kept], params)
-    found = replace(work.layout.sketched(params), relations=tuple(c.relation for c in state.kept))
+    relations = _told(work, [c.relation for c in state.kept], params)
+    params = _exact(work.layout, relations, params)
+    found = replace(work.layout.sketched(params), relations=relations)
     return Regularized(
         replace(found, dimensions=named_dimensions(found)),
         params,
@@ -202,6 +208,23 @@ def _joining(chosen: list[tuple[Candidate, int]], kept: Sequence[Relation]) -> l
             home[a] = b
         found.append((candidate, rank))
     return found[len(kept) :]
+
+
+def _told(work: _Work, relations: Sequence[Relation], params: Floats) -> tuple[Relation, ...]:
+    """The relations in an order of their own, without those that follow from the ones before, some kinds apart."""
+    spread = Measures.of(work.layout, params).taken_to(work.spread)
+    belief = Belief.nothing(work.spread.shape[1])
+    known = gauge(work.layout, spread)
+    chosen = []
+    order = {kind: k for k, kind in enumerate(ORDER)}
+    for relation in sorted(relations, key=lambda r: (order.get(r.kind, len(order)), len(r.refs), r.refs)):
+        for system in (known, equations(relation, work.layout, spread)):
+            verdict = belief.verdict(system, 0.0)
+            if verdict is not None:
+                belief.believe(verdict)
+        known = Equations(np.zeros(0), np.zeros((0, params.size)), np.zeros(0))
+        chosen.append((Candidate(relation, 0.0), verdict.rank if verdict is not None else 0))
+    return tuple(c.relation for c, rank in _joining(chosen, []) if rank or c.relation.kind in TOLD)
 
 
 def _renewed(work: _Work, state: _State, renewed: Callable[[Floats], Evidence]) -> Floats:
