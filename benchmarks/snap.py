@@ -31,6 +31,8 @@ from d4cad.sketch import Circle, Loop, Sketch
 
 TRUE = 1e-6
 """Largest residual of a relation that holds in the truth: radians, ratios, world units."""
+WRONG = 0.0035
+"""Residual of a relation that is not only nearly true: 0.2 degrees, 0.35 per cent."""
 EXACT = 1e-8
 """The same in a snapped outline."""
 MATCH = 2.0
@@ -104,6 +106,7 @@ class Tally:
     found: Counter[str] = field(default_factory=Counter)
     told: Counter[str] = field(default_factory=Counter)
     false: Counter[str] = field(default_factory=Counter)
+    wrong: int = 0
     psnr: list[float] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
     worse: list[str] = field(default_factory=list)
@@ -169,6 +172,7 @@ def compare(fit: Fit, plain: Fit, truth: Sketch, tally: Tally, name: str) -> Non
             off = residual(image, right, true_at)
             if off > TRUE:
                 tally.false[relation.kind] += 1
+                tally.wrong += off > WRONG
                 tally.worse.append(f"{name}: {relation.kind} {relation.refs} is off by {off:.2g}")
     before, after = _vertex_errors(plain.outline, fit.outline, truth, pixel)
     tally.before += before
@@ -226,7 +230,7 @@ def report(name: str, tally: Tally) -> str:
             f"median {np.median(before):.5f} -> {np.median(after):.5f}, PSNR dB mean {np.mean(tally.psnr):+.2f} "
             f"least {np.min(tally.psnr):+.2f}, snapping s median {np.median(tally.seconds):.3f}",
             f"  true relations found {found}/{true} = {found / max(true, 1):.1%} ({kinds})",
-            f"  told {told}, false {false} = {false / max(told, 1):.2%} ({wrong})",
+            f"  told {told}, false {false} = {false / max(told, 1):.2%} ({wrong}), {tally.wrong} by more than {WRONG:g}",
         ]
     )
 

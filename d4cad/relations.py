@@ -52,7 +52,13 @@ KINDS = {
         value="angle",
         optional=True,
     ),
-    "congruent": Kind(2, "points a0, b0, a1, b1, ... of two loops of one shape, turned and moved", True, True),
+    "congruent": Kind(
+        2,
+        "points a0, b0, a1, b1, ... all around two loops of one shape, one of them turned and moved; or around one loop that "
+        "is its own image, turned",
+        more=True,
+        points=True,
+    ),
     "polar": Kind(3, "centres of circles, in order, evenly on a circle", True, True),
     "row": Kind(3, "centres of circles, in order, evenly on a line", True, True),
     "radius": Kind(1, "radius of an arc", value="length"),

@@ -20,11 +20,11 @@ from d4cad.regularize import Evidence, Parameters, Scale, regularized
 from d4cad.relations import Relation
 from d4cad.sketch import Sketch
 
-POLISH = 5
+POLISH = 10
 """Most Gauss-Newton steps of the joined outline before relations are looked for."""
 DAMPING = 1e-6
-FLOOR = 1e-8
-"""Least variance of a pixel: what moves an edge by 1e-4 pixels or less is not told from rounding."""
+FLOOR = 1e-10
+"""Least variance of a pixel: what moves an edge by 1e-5 pixels or less is not told from an unfinished descent."""
 REPEATED = 9.0
 """Pixels along an edge over which an edge model's error repeats: measured by benchmarks/snap.py, with area coverage."""
 FLAT = 3

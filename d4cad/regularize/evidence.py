@@ -15,6 +15,9 @@ REACH = 2.0
 """Standard deviation in pixels of a vertex' place, and of an arc's apex, before the picture is asked: an outline that
 was fitted is not off by many pixels even along directions that the picture leaves open."""
 
+ROUNDING = 1e-11
+"""What keeps a singular matrix positive definite in floating point."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Evidence:
@@ -40,5 +43,7 @@ class Evidence:
         chord = np.hypot(*(points[layout.following] - points).T)
         length[2 * count :] = 2 * self.pixel / chord[layout.arcs]  # a bulge moves the apex by half the chord
         precision = self.matrix / self.variance + np.diag((REACH * length) ** -2)
-        factor = cholesky(precision, lower=True)
-        return np.asarray(solve_triangular(factor, np.eye(len(factor)), lower=True).T)
+        unit = 1 / np.sqrt(np.diagonal(precision))
+        correlation = precision * np.outer(unit, unit)
+        factor = cholesky(correlation + ROUNDING * np.eye(unit.size), lower=True)
+        return np.asarray(unit[:, None] * solve_triangular(factor, np.eye(unit.size), lower=True).T)

@@ -161,40 +161,49 @@ def _loop_match(
 
 
 def _congruent(layout: Parameters, at: Measures, reach: float) -> Iterator[Candidate]:
-    """Loops, circles apart, of one shape: each with the first like it, the best of all turns."""
+    """Loops, circles apart, of one shape: each with the first like it, the best of all turns; and with itself, turned
+    by the least part of a full turn.
+    """
     leaders: list[int] = []
     loops = _loops(layout)
     for k, (start, size, ring) in enumerate(loops):
         if ring:
             continue
+        part = next((s for s in range(1, size) if size % s == 0 and _fits(layout, at, start, start, size, s, reach)), 0)
+        if part:
+            yield _repeated(layout, start, start, size, part, loops)
         for leader in leaders:
             first, count, _ = loops[leader]
-            shift = _best_shift(layout, at, first, start, size, reach) if count == size else None
-            if shift is not None:
-                refs = tuple(
-                    layout.refs[e] for i in range(size) for e in (first + i, start + (i + shift) % size)
-                )
-                yield Candidate(Relation("congruent", refs), USUAL + log(len(loops)))
+            shifts = range(size) if count == size else ()
+            off = [_off(layout, at, first, start, size, shift) for shift in shifts]
+            if off and min(off) < reach:
+                yield _repeated(layout, first, start, size, int(np.argmin(off)), loops)
                 break
         else:
             leaders.append(k)
 
 
-def _best_shift(layout: Parameters, at: Measures, a: int, b: int, size: int, reach: float) -> int | None:
-    """By how many edges loop b is turned against its likeness a, or None."""
+def _repeated(
+    layout: Parameters, a: int, b: int, size: int, shift: int, loops: list[tuple[int, int, bool]]
+) -> Candidate:
+    refs = tuple(layout.refs[e] for i in range(size) for e in (a + i, b + (i + shift) % size))
+    return Candidate(Relation("congruent", refs), USUAL + log(len(loops)))
+
+
+def _fits(layout: Parameters, at: Measures, a: int, b: int, size: int, shift: int, reach: float) -> bool:
+    return _off(layout, at, a, b, size, shift) < reach
+
+
+def _off(layout: Parameters, at: Measures, a: int, b: int, size: int, shift: int) -> float:
+    """About how far a point is from its likeness, for loops a and b with b turned by ``shift`` edges."""
+    own, other = np.arange(a, a + size), b + (np.arange(size) + shift) % size
+    if np.any(layout.arcs[own] != layout.arcs[other]):
+        return float("inf")
     length, bulge = np.exp(at.chord.value), at.bulge.value
     turn = np.exp(1j * (at.heading.value[layout.following] - at.heading.value))
-    best, least = None, np.inf
-    for shift in range(size):
-        own, other = np.arange(a, a + size), b + (np.arange(size) + shift) % size
-        if np.any(layout.arcs[own] != layout.arcs[other]):
-            continue
-        short = np.minimum(length[own], length[layout.following[own]])
-        off = np.maximum(np.abs(length[own] - length[other]), np.abs(turn[own] - turn[other]) * short / 2)
-        off = np.maximum(off, np.abs(bulge[own] - bulge[other]) * length[own] / 2)
-        if off.max() < min(reach, least):
-            best, least = shift, float(off.max())
-    return best
+    short = np.minimum(length[own], length[layout.following[own]])
+    off = np.maximum(np.abs(length[own] - length[other]), np.abs(turn[own] - turn[other]) * short / 2)
+    return float(np.maximum(off, np.abs(bulge[own] - bulge[other]) * length[own] / 2).max())
 
 
 def _ring_classes(layout: Parameters, at: Measures, reach: float) -> list[np.ndarray[tuple[int], np.dtype[np.int64]]]:
