@@ -32,8 +32,8 @@ SAME_CURVE = 1e-5
 class Request:
     """What to fit and how.
 
-    limit: shapes of each set, None for all. jobs: processes. max_time: seconds a shape. Raises InputError where a
-    number or a name makes no sense.
+    limit: shapes of each set, None for all. jobs: processes. max_time: seconds a shape. snap: as for `fit_image`. Raises
+    InputError where a number or a name makes no sense.
     """
 
     data: Path
@@ -45,6 +45,7 @@ class Request:
     limit: int | None = None
     jobs: int = 1
     max_time: float | None = None
+    snap: bool | None = None
 
     def __post_init__(self) -> None:
         if self.limit is not None and self.limit < 1:
@@ -159,6 +160,7 @@ def _fit(case: Case, truth: Sketch, request: Request) -> Fit:
         "grammar": request.grammar,
         "seed": request.seed,
         "max_time": request.max_time,
+        "snap": request.snap,
     }
     if request.bitmaps is not None:
         return fit_image(request.bitmaps / f"{case.name}.png", **how)

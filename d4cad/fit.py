@@ -40,6 +40,8 @@ JOINING = (1e-4, 0.1)
 """Least and largest tolerance in pixels within which neighbouring edges are joined."""
 LEEWAY = 3.0
 """That tolerance as a multiple of the root mean square distance by which the fit misses the picture's boundary."""
+MOST_SNAPPED = 800
+"""Parameters of an outline, about 350 edges, above which relations are not looked for: time grows with their cube."""
 
 Watch = Callable[[Record], None]
 
@@ -200,7 +202,7 @@ def fit_image(
     invert: bool = False,
     watch: Watch | None = None,
     ramp: float | None = None,
-    snap: bool = True,
+    snap: bool | None = None,
     size: Placement | None = None,
 ) -> Fit:
     """Fit a program to a picture.
@@ -209,7 +211,8 @@ def fit_image(
     or a program file or fit to go on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture
     binary. invert: exchange shape and ground. watch: called with a Record after every round. ramp: half-width in pixels
     of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster. snap: make relations exact that the
-    picture makes likely (:mod:`d4cad.regularize`). size: of the part, if known: sizes in mm may be made round then.
+    picture makes likely (:mod:`d4cad.regularize`); None: unless the method is "paper". size: of the part, if known: sizes
+    in mm may be made round then.
     Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
     """
     _check_request(seed, max_time, ramp)
@@ -246,7 +249,7 @@ def fit_coverage(
     max_time: float | None = None,
     watch: Watch | None = None,
     floor: float | None = None,
-    snap: bool = False,
+    snap: bool | None = None,
     size: Placement | None = None,
 ) -> Fit:
     """Fit a program to coverage on a canvas: (height, width) in [0, 1], row 0 lowest.
@@ -257,7 +260,7 @@ def fit_coverage(
     _check_request(seed, max_time)
     if target.shape != canvas.shape:
         raise InputError(f"expected a target of shape {canvas.shape}, got {target.shape}")
-    start = _start(init, grammar)
+    start, snap = _start(init, grammar), method != "paper" if snap is None else snap
     floor = exact(target, canvas).floor if floor is None else floor
     language, settings = make_grammar(grammar, method, canvas), make_method(method, canvas, floor, grammar)
     if start is None:
@@ -307,7 +310,7 @@ def fit_coverage(
         },
         target=target,
     )
-    return regularised(fit, size) if snap else fit
+    return regularised(fit, size) if snap and fit.stop is not Stop.INTERRUPTED else fit
 
 
 def regularised(fit: Fit, size: Placement | None = None) -> Fit:
@@ -317,12 +320,15 @@ def regularised(fit: Fit, size: Placement | None = None) -> Fit:
     draw = entry(fit.grammar.name).draw
     if fit.target is None:
         raise InputError("a fit from a program file has no picture to be regularised by")
-    if draw is None:
+    if draw is None or draw(fit.outline).params.size > MOST_SNAPPED:
         return fit
     cpu, wall = time.process_time(), time.perf_counter()
     scale = scale_of(size, fit.outline, fit.canvas)
-    with threadpool_limits(limits=1):
-        snap, program = snapped(fit.outline, draw, fit.grammar, fit.canvas, fit.target, scale)
+    try:
+        with threadpool_limits(limits=1):
+            snap, program = snapped(fit.outline, draw, fit.grammar, fit.canvas, fit.target, scale)
+    except KeyboardInterrupt:
+        return replace(fit, stop=Stop.INTERRUPTED)
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     if not snap.relations:
         return replace(fit, snap=snap, seconds=fit.seconds + cpu, wall=fit.wall + wall)

@@ -19,12 +19,14 @@ ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PACKAGE_DIR: dict[str, str] = PROJECT["tool"]["setuptools"]["package-dir"]
 
-GEOMETRY = {"errors", "edges", "loop", "joining", "sketch"}
+GEOMETRY = {"errors", "edges", "loop", "joining", "relations", "sketch"}
 ALLOWED: dict[str, set[str]] = {
     "edges": set(),
     "loop": {"errors", "edges"},
     "joining": {"errors", "edges", "loop"},
+    "relations": {"errors"},
     "sketch": GEOMETRY,
+    "regularize": GEOMETRY | {"regularize"},
     "exporters": GEOMETRY | {"exporters", "canvas", "files"},
     "raster": {"raster", "errors", "canvas", "program"},
     "grammars": GEOMETRY | {"grammars", "raster", "canvas", "program", "protocols"},

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from d4cad.cli.options import Grammar, Method, Seed
+from d4cad.cli.options import Grammar, Method, Seed, Snap
 from d4cad.cli.running import reported
 
 
@@ -33,10 +33,11 @@ def bench(
     max_time: Annotated[
         float | None, typer.Option(metavar="S", help="Seconds for each shape.", show_default=False)
     ] = None,
+    snap: Snap = None,
 ) -> None:
     """Fit every shape of a folder whose truth is known, and compare."""
     with reported():
         from d4cad.bench import Request, run, table
 
-        rows = run(Request(data, out, bitmaps, grammar, method, seed, limit, jobs, max_time))
+        rows = run(Request(data, out, bitmaps, grammar, method, seed, limit, jobs, max_time, snap))
         typer.echo(table(rows))

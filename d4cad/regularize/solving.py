@@ -13,7 +13,9 @@ from d4cad.regularize.measures import Measures
 from d4cad.regularize.parameters import Parameters
 from d4cad.relations import Relation
 
-ROUNDS = 25
+ROUNDS = 20
+SLOW = 4
+"""Rounds after which each has to halve the residual of the one before: where equations contradict, none does."""
 SATISFIED = 1e-11
 """Largest residual, in radians, ratios or the sketch's unit, of a solved system."""
 SETTLED = 1e-7
@@ -31,7 +33,7 @@ def solved(relations: Sequence[Relation], layout: Parameters, anchor: Floats, sp
     from others are found by a rank-revealing QR factorisation (Golub and Van Loan, 5.5) and left out.
     """
     u = np.zeros(spread.shape[1])
-    params = anchor
+    params, last = anchor, np.inf
     for k in range(ROUNDS):
         system = linearised(relations, layout, params)
         worst = float(np.abs(system.residual).max(initial=0.0))
@@ -41,6 +43,9 @@ def solved(relations: Sequence[Relation], layout: Parameters, anchor: Floats, sp
             return None
         if worst == 0 and k == 0:
             return anchor
+        if k >= SLOW and worst > max(last / 2, SATISFIED):
+            return None
+        last = worst
         goal = (rows @ u - system.residual) / size
         new, *_ = lstsq(rows / size[:, None], goal, cond=DEPENDENT, lapack_driver="gelsy")
         moved = float(np.linalg.norm(new - u))
