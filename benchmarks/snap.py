@@ -21,7 +21,6 @@ import numpy as np
 from d4cad.bench import coverage
 from d4cad.canvas import Canvas
 from d4cad.fit import Fit, fit_coverage, fit_image, warm
-from d4cad.program import Floats
 from d4cad.regularize import Parameters
 from d4cad.regularize.equations import equations
 from d4cad.regularize.measures import Measures
@@ -77,7 +76,7 @@ CASES: dict[str, tuple[Render, int, float]] = {
 
 
 def part(seed: int, primitives: int, jitter: float) -> Sketch:
-    """The generated part, its vertices moved by ``jitter`` units of 3 / 256 in random directions, its radii with them."""
+    """The generated part, its vertices and radii moved by ``jitter`` units of 3 / 256 in random directions."""
     rng = np.random.default_rng(seed)
     sketch = generate(rng, primitives)
     if not jitter:
@@ -158,7 +157,12 @@ def compare(fit: Fit, plain: Fit, truth: Sketch, tally: Tally, name: str) -> Non
                 relations.append(Relation(kind, (mine.refs[a], mine.refs[b])))
     for a in pairs:
         after = int(mine.following[a])
-        if after in pairs and (mine.arcs[a] or mine.arcs[after]) and pairs[a] not in second and pairs[after] not in second:
+        if (
+            after in pairs
+            and (mine.arcs[a] or mine.arcs[after])
+            and pairs[a] not in second
+            and pairs[after] not in second
+        ):
             relations.append(Relation("tangent", (mine.refs[a], mine.refs[after])))
     for relation in relations:
         image = _image(relation, mine, right, pairs)
@@ -230,7 +234,7 @@ def report(name: str, tally: Tally) -> str:
             f"median {np.median(before):.5f} -> {np.median(after):.5f}, PSNR dB mean {np.mean(tally.psnr):+.2f} "
             f"least {np.min(tally.psnr):+.2f}, snapping s median {np.median(tally.seconds):.3f}",
             f"  true relations found {found}/{true} = {found / max(true, 1):.1%} ({kinds})",
-            f"  told {told}, false {false} = {false / max(told, 1):.2%} ({wrong}), {tally.wrong} by more than {WRONG:g}",
+            f"  told {told}, false {false} = {false / max(told, 1):.2%} ({wrong}), by over {WRONG:g}: {tally.wrong}",
         ]
     )
 

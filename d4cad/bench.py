@@ -32,8 +32,8 @@ SAME_CURVE = 1e-5
 class Request:
     """What to fit and how.
 
-    limit: shapes of each set, None for all. jobs: processes. max_time: seconds a shape. snap: as for `fit_image`. Raises
-    InputError where a number or a name makes no sense.
+    limit: shapes of each set, None for all. jobs: processes. max_time: seconds a shape. snap: as for `fit_image`.
+    Raises InputError where a number or a name makes no sense.
     """
 
     data: Path

@@ -211,8 +211,8 @@ def fit_image(
     or a program file or fit to go on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture
     binary. invert: exchange shape and ground. watch: called with a Record after every round. ramp: half-width in pixels
     of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster. snap: make relations exact that the
-    picture makes likely (:mod:`d4cad.regularize`); None: unless the method is "paper". size: of the part, if known: sizes
-    in mm may be made round then.
+    picture makes likely (:mod:`d4cad.regularize`); None: unless the method is "paper". size: of the part, if known:
+    sizes in mm may be made round then.
     Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
     """
     _check_request(seed, max_time, ramp)
@@ -323,7 +323,7 @@ def regularised(fit: Fit, size: Placement | None = None) -> Fit:
     if draw is None or draw(fit.outline).params.size > MOST_SNAPPED:
         return fit
     cpu, wall = time.process_time(), time.perf_counter()
-    scale = scale_of(size, fit.outline, fit.canvas)
+    scale = scale_of(size, fit.canvas)
     try:
         with threadpool_limits(limits=1):
             snap, program = snapped(fit.outline, draw, fit.grammar, fit.canvas, fit.target, scale)

@@ -45,8 +45,8 @@ KINDS = {
     "collinear": Kind(2, "two lines lie on one line"),
     "symmetric": Kind(
         2,
-        "points a0, b0, a1, b1, ... of whole loops: each b mirrors its a, and the edges with them; the value is the angle "
-        "of the axis to x, where that is fixed",
+        "points a0, b0, a1, b1, ... of whole loops: each b mirrors its a, and the edges with them; "
+        "the value is the angle of the axis to x, where that is fixed",
         more=True,
         points=True,
         value="angle",
@@ -54,8 +54,8 @@ KINDS = {
     ),
     "congruent": Kind(
         2,
-        "points a0, b0, a1, b1, ... all around two loops of one shape, one of them turned and moved; or around one loop that "
-        "is its own image, turned",
+        "points a0, b0, a1, b1, ... all around two loops of one shape, one of them turned and moved; "
+        "or around one loop that is its own image, turned",
         more=True,
         points=True,
     ),

@@ -107,11 +107,11 @@ class Snap:
         return self.sketch.relations
 
 
-def scale_of(size: Placement | None, outline: Sketch, canvas: Canvas) -> Scale | None:
-    """mm per world unit of an outline that ``size`` places; None if no size is given."""
+def scale_of(size: Placement | None, canvas: Canvas) -> Scale | None:
+    """mm per world unit of an outline on ``canvas`` that ``size`` places; None if no size is given."""
     if size is None or not size.sized:
         return None
-    return Scale(size.factor(outline, canvas), wide=size.width is not None)
+    return Scale(size.pixel_size / canvas.pixel) if size.width is None else Scale(width=size.width)
 
 
 def snapped(
@@ -122,7 +122,7 @@ def snapped(
     target: Floats,
     scale: Scale | None = None,
 ) -> tuple[Snap, Program[Any]]:
-    """The outline, in world units, regularised by the picture ``target`` (height, width); and the program that draws it.
+    """The outline, in world units, regularised by the picture ``target`` (height, width); and its program.
 
     draw: the program of an outline, with its parameters laid out as `Parameters` says. scale: mm per world unit, if
     round sizes are wanted.

@@ -34,7 +34,7 @@ Snap = Annotated[
     bool | None,
     typer.Option(
         "--snap/--no-snap",
-        help="Make relations exact that the picture makes likely: horizontal, parallel, tangent, equal, round sizes ...",
+        help="Make relations exact that the picture makes likely: horizontal, tangent, equal, round ...",
         show_default="snap, but with --method paper",
     ),
 ]

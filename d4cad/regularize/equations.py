@@ -161,10 +161,7 @@ def _symmetric(r: Relation, edges: list[int], layout: Parameters, m: Measures) -
     z = m.x.value + 1j * m.y.value
     apart = z[b] - z[a]
     lead = int(np.argmax(np.abs(apart)))
-    if r.value is None:
-        n = apart[lead] / np.abs(apart[lead])
-    else:
-        n = complex(np.exp(1j * (r.value + pi / 2)))
+    n = apart[lead] / np.abs(apart[lead]) if r.value is None else complex(np.exp(1j * (r.value + pi / 2)))
     width, extent = m.x.rows.shape[1], _extent(m)
     dx, dy = m.x.rows[b] - m.x.rows[a], m.y.rows[b] - m.y.rows[a]
     middle = (z[a] + z[b]) / 2 - (z[a] + z[b])[lead] / 2

@@ -7,6 +7,7 @@ are sums and differences of measures, get theirs as sums and differences of rows
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -96,9 +97,7 @@ class Measures:
         kept = {name: getattr(self, name) for name in names}
         stacked = np.concatenate([kept[name].rows for name in names]) @ transform
         count = len(self.along)
-        return replace(
-            self,
-            **{
-                name: Measure(kept[name].value, stacked[k * count : (k + 1) * count]) for k, name in enumerate(names)
-            },
-        )
+        changed: dict[str, Any] = {
+            name: Measure(kept[name].value, stacked[k * count : (k + 1) * count]) for k, name in enumerate(names)
+        }
+        return replace(self, **changed)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import pi
+from math import exp, pi
 
 from d4cad.regularize.measures import Measures
 from d4cad.regularize.parameters import Parameters
-from d4cad.relations import Dimension, Ref, Relation
+from d4cad.relations import Dimension, Ref
 from d4cad.sketch import Sketch
 
 SAME = 1e-9
@@ -40,22 +40,20 @@ def named_dimensions(sketch: Sketch) -> tuple[Dimension, ...]:
         group = uses.setdefault((use, kind), [])
         same = next((entry for entry in group if abs(entry[0] - value) <= SAME * value), None)
         if same is None or kind == "distance":
-            group.append((value, list(refs), is_round))
+            group.append((value, [*refs], is_round))
         else:
             same[1].extend(ref for ref in refs if ref not in same[1])
             if is_round and not same[2]:
                 group[group.index(same)] = (value, same[1], True)
     for (use, kind), group in uses.items():
         group.sort(key=lambda entry: -entry[0])
-        for k, (value, refs, is_round) in enumerate(group, 1):
+        for k, (value, members, is_round) in enumerate(group, 1):
             name = use if len(group) == 1 else f"{use}_{k}"
-            found.append(Dimension(name, kind, tuple(refs), value, is_round))
+            found.append(Dimension(name, kind, tuple(members), value, is_round))
     return tuple(found)
 
 
-def _sizes(
-    sketch: Sketch, layout: Parameters, at: Measures
-) -> Iterator[tuple[str, str, float, tuple[Ref, ...], bool]]:
+def _sizes(sketch: Sketch, layout: Parameters, at: Measures) -> Iterator[tuple[str, str, float, tuple[Ref, ...], bool]]:
     """use, kind, value, references and whether it was made round, of every size."""
     fixed = [r for r in sketch.relations if r.kind in ("radius", "diameter", "length", "distance", "angle")]
     tangent = {r.refs for r in sketch.relations if r.kind == "tangent"}
@@ -81,8 +79,6 @@ def _sizes(
 
 
 def _radius(at: Measures, edge: int) -> float:
-    from math import exp
-
     return exp(float(at.radius.value[edge]))
 
 
@@ -98,6 +94,3 @@ def _use(layout: Parameters, at: Measures, edge: int, tangent: set[tuple[Ref, ..
     before, after = (loop, (ref[1] - 1) % size), (loop, (ref[1] + 1) % size)
     lines = not (layout.arcs[layout.number(before)] or layout.arcs[layout.number(after)])
     return "corner_radius" if lines and {(before, ref), (ref, after)} <= tangent else "arc_radius"
-
-
-__all__ = ["Relation", "named_dimensions"]

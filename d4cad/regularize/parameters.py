@@ -107,6 +107,10 @@ class Parameters:
 
 
 def _upright(loop: Loop) -> Loop:
+    """The circle from its right vertex; itself if it is so already, to the last bit."""
+    (x0, y0), (x1, y1) = loop.points
+    if y0 == y1 and x0 > x1 and all(abs(bulge) == 1 for bulge in loop.bulges):
+        return loop
     circle = loop.circle
     assert circle is not None
     return circle.loop(clockwise=loop.area < 0)

@@ -9,7 +9,7 @@ from math import isfinite, sqrt
 import numpy as np
 
 from d4cad.edges import Floats
-from d4cad.errors import GeometryError
+from d4cad.errors import GeometryError, InputError
 from d4cad.regularize.candidates import single_candidates
 from d4cad.regularize.equations import Equations, equations, gauge
 from d4cad.regularize.evidence import Evidence
@@ -34,13 +34,17 @@ ORDER = (
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """What a unit of the sketch measures. mm: millimetres per unit. steps: round sizes are multiples of these, in mm.
-    wide: whether the sketch's width was given, and so is not to be changed.
+    """What a unit of the sketch measures: ``mm`` millimetres, or what makes the sketch ``width`` mm wide, which is kept
+    then. steps: round sizes are multiples of these, in mm. Raises InputError unless one of the two is given.
     """
 
-    mm: float
+    mm: float | None = None
+    width: float | None = None
     steps: tuple[float, ...] = MILLIMETRES
-    wide: bool = False
+
+    def __post_init__(self) -> None:
+        if (self.mm is None) == (self.width is None):
+            raise InputError("a scale is either mm per unit or the width in mm")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +72,7 @@ def regularized(
     """The sketch with the relations that the evidence makes likely, all of them exact.
 
     Relations that the sketch has already are kept. Others are proposed (candidates.py, patterns.py, and rounding.py if
-    a ``scale`` is given), chosen by their evidence (selection.py), solved jointly with all before them (solving.py), and
+    a ``scale`` is given), chosen by their evidence (selection.py), solved jointly with all before them (solving.py) and
     kept only if the loss rises by no more than noise would explain and no loop is crossed; of those that are refused
     together, halves are tried. ``renewed``: the evidence as it is at other parameters, with which the last solution is
     refined.
@@ -81,10 +85,12 @@ def regularized(
     state = replace(state, params=start) if start is not None else _State([], evidence.params, 0)
     state = _grown(work, state, work.shapes)
     if scale is not None:
-        if scale.wide and not any(c.relation.kind == "width" for c in state.kept):
-            xmin, _, xmax, _ = work.layout.sketched(state.params).bounds
+        xmin, _, xmax, _ = work.layout.sketched(state.params).bounds
+        mm = scale.mm if scale.width is None else scale.width / (xmax - xmin)
+        assert mm is not None
+        if scale.width is not None and not any(c.relation.kind == "width" for c in state.kept):
             state = replace(state, kept=[*state.kept, Candidate(Relation("width", (), xmax - xmin), 0.0)])
-        state = _grown(work, state, lambda at, spread, params: work.sizes(at, params, scale))
+        state = _grown(work, state, lambda at, spread, params: work.sizes(at, params, mm, scale.steps))
     params = _renewed(work, state, renewed) if renewed is not None and state.kept else state.params
     relations = _told(work, [c.relation for c in state.kept], params)
     params = _exact(work.layout, relations, params)
@@ -124,9 +130,9 @@ class _Work:
         """Candidates that need no scale."""
         return [*pattern_candidates(self.layout, at, self.evidence.pixel), *single_candidates(self.layout, at, spread)]
 
-    def sizes(self, at: Measures, params: Floats, scale: Scale) -> list[Candidate]:
+    def sizes(self, at: Measures, params: Floats, mm: float, steps: Sequence[float]) -> list[Candidate]:
         """Candidates for round sizes."""
-        return list(round_candidates(self.layout, at, self.layout.sketched(params), scale.mm, scale.steps))
+        return list(round_candidates(self.layout, at, self.layout.sketched(params), mm, steps))
 
     def tried(self, kept: Sequence[Candidate], rank: int) -> Floats | None:
         """The parameters at which all of ``kept`` hold, if the loss and the loops allow it."""

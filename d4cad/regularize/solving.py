@@ -54,9 +54,9 @@ def solved(relations: Sequence[Relation], layout: Parameters, anchor: Floats, sp
         u = new
         params = anchor + spread @ u
         if worst <= SATISFIED and moved <= SETTLED * (1 + float(np.linalg.norm(u))):
-            return params
+            return np.asarray(params)
     left = float(np.abs(linearised(relations, layout, params).residual).max(initial=0.0))
-    return params if left <= SATISFIED else None
+    return np.asarray(params) if left <= SATISFIED else None
 
 
 def linearised(relations: Sequence[Relation], layout: Parameters, params: Floats) -> Equations:
