@@ -231,7 +231,7 @@ def test_sizes_become_round_only_with_a_scale() -> None:
         [Loop.polyline([(0, 0), (8, 0), (8, 5.5), (0, 5.5)]), Circle((2.5, 2.75), 0.6).loop(clockwise=True)]
     )
     assert not any(r.value is not None for r in snap(truth).sketch.relations if r.kind != "symmetric")
-    found = snap(truth, scale=Scale(mm=10.0))
+    found = snap(truth, 0.005, scale=Scale(mm=10.0))
     sizes = {d.name: d for d in found.sketch.dimensions}
     assert sizes["width"].value == pytest.approx(8, abs=1e-12)
     assert sizes["height"].value == pytest.approx(5.5, abs=1e-12)
@@ -243,7 +243,7 @@ def test_sizes_become_round_only_with_a_scale() -> None:
 
 def test_a_given_width_stays() -> None:
     truth = Sketch.from_loops([Loop.polyline([(0, 0), (8, 0), (8, 6), (0, 6)])])
-    found = snap(truth, scale=Scale(width=40.0))
+    found = snap(truth, 0.005, scale=Scale(width=40.0))
     xmin, ymin, xmax, ymax = found.sketch.bounds
     assert (ymax - ymin) * 40 / (xmax - xmin) == pytest.approx(30, abs=1e-9)
 

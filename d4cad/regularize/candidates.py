@@ -12,6 +12,7 @@ from d4cad.regularize.equations import ANGLES, RATIOS, wrapped
 from d4cad.regularize.measures import Measure, Measures
 from d4cad.regularize.parameters import Ints, Parameters
 from d4cad.regularize.selection import LIMIT, Candidate
+from d4cad.regularize.solving import SATISFIED
 from d4cad.relations import Relation
 
 LIKELY = 1.0
@@ -74,7 +75,8 @@ def _close(measure: Measure, edges: Ints, distance: Floats, spread: float, price
     sigma = np.sqrt(np.maximum(own[:, None] + own[None, :] - 2 * cov, 1e-300))
     z = distance / sigma
     gain = np.log(spread / sigma) - 0.5 * log(2 * pi) - z * z / 2 - price
-    good = np.triu((np.abs(z) <= LIMIT) & (gain > 0), 1)
+    holds = np.abs(distance) <= SATISFIED  # already, by what was found before
+    good = np.triu((np.abs(z) <= LIMIT) & (gain > 0) | holds, 1)
     for i, j in np.argwhere(good).tolist():
         yield int(edges[i]), int(edges[j])
 

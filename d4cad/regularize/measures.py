@@ -73,8 +73,8 @@ class Measures:
         radius = np.where(arcs, np.log(length * (1 + safe**2) / (4 * np.abs(safe))), 0.0)
         bent = np.where(arcs, 2 * safe / (1 + safe**2) - 1 / safe, 0.0)
         found = cls(
-            x=measure(start.real, one, zero, zero, zero, zero),
-            y=measure(start.imag, zero, one, zero, zero, zero),
+            x=measure(start.real.copy(), one, zero, zero, zero, zero),
+            y=measure(start.imag.copy(), zero, one, zero, zero, zero),
             px=measure(start.real, one, zero, zero, zero, zero),
             py=measure(start.imag, zero, one, zero, zero, zero),
             heading=measure(np.angle(d), ty, -tx, -ty, tx, zero),

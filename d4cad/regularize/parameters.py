@@ -82,7 +82,7 @@ class Parameters:
         """(n,) the sketch's own numbers, a full circle's two vertices at its right and left."""
         loops = [self.sketch.loops[k] if not round_ else _upright(self.sketch.loops[k]) for k, round_ in self._rounds]
         points = [x for loop in loops for point in loop.points for x in point]
-        return np.array([*points, *(bulge for loop in loops for bulge in loop.bulges if bulge != 0)])
+        return np.array([*points, *(bulge for loop in loops for bulge in loop.bulges if bulge != 0)], dtype=np.float64)
 
     @property
     def _rounds(self) -> list[tuple[int, bool]]:

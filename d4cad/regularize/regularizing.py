@@ -92,7 +92,7 @@ def regularized(
             state = replace(state, kept=[*state.kept, Candidate(Relation("width", (), xmax - xmin), 0.0)])
         state = _grown(work, state, lambda at, spread, params: work.sizes(at, params, mm, scale.steps))
     params = _renewed(work, state, renewed) if renewed is not None and state.kept else state.params
-    relations = _told(work, [c.relation for c in state.kept], params)
+    relations, freed = _told(work, [c.relation for c in state.kept], params)
     params = _exact(work.layout, relations, params)
     found = replace(work.layout.sketched(params), relations=relations)
     return Regularized(
@@ -100,7 +100,7 @@ def regularized(
         params,
         work.before,
         evidence.loss(params),
-        state.rank,
+        freed,
         _longest_way(work.layout, evidence.params, params),
     )
 
@@ -216,8 +216,10 @@ def _joining(chosen: list[tuple[Candidate, int]], kept: Sequence[Relation]) -> l
     return found[len(kept) :]
 
 
-def _told(work: _Work, relations: Sequence[Relation], params: Floats) -> tuple[Relation, ...]:
-    """The relations in an order of their own, without those that follow from the ones before, some kinds apart."""
+def _told(work: _Work, relations: Sequence[Relation], params: Floats) -> tuple[tuple[Relation, ...], int]:
+    """The relations in an order of their own, without those that follow from the ones before, some kinds apart; and the
+    number of parameters that all of them take.
+    """
     spread = Measures.of(work.layout, params).taken_to(work.spread)
     belief = Belief.nothing(work.spread.shape[1])
     known = gauge(work.layout, spread)
@@ -230,7 +232,8 @@ def _told(work: _Work, relations: Sequence[Relation], params: Floats) -> tuple[R
                 belief.believe(verdict)
         known = Equations(np.zeros(0), np.zeros((0, params.size)), np.zeros(0))
         chosen.append((Candidate(relation, 0.0), verdict.rank if verdict is not None else 0))
-    return tuple(c.relation for c, rank in _joining(chosen, []) if rank or c.relation.kind in TOLD)
+    told = tuple(c.relation for c, rank in _joining(chosen, []) if rank or c.relation.kind in TOLD)
+    return told, sum(rank for _, rank in chosen)
 
 
 def _renewed(work: _Work, state: _State, renewed: Callable[[Floats], Evidence]) -> Floats:
@@ -270,7 +273,7 @@ def _exact(layout: Parameters, relations: Sequence[Relation], params: Floats) ->
         for leader in np.unique(group):
             members = 2 * np.flatnonzero(group == leader) + offset
             if members.size > 1:
-                params[members] = params[members].mean()
+                params[members] = params[members[0]]
     for loop in np.flatnonzero(layout.circles):
         for k in (layout.starts[loop], layout.starts[loop] + 1):
             params[layout.columns[k, 4]] = np.sign(params[layout.columns[k, 4]])

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import log
-
 import numpy as np
 
-from d4cad.regularize.candidates import USUAL
+from d4cad.regularize.candidates import LIKELY
 from d4cad.regularize.measures import Measures
 from d4cad.regularize.parameters import Parameters
 from d4cad.regularize.selection import Candidate
@@ -35,7 +33,8 @@ def round_candidates(
             if count >= 1:
                 spread = step / size if relative else step / scale
                 value = count * step / scale
-                yield Candidate(Relation(relation.kind, relation.refs, value), USUAL + log(len(steps)), spread)
+                price = LIKELY if relation.refs else 0.0
+                yield Candidate(Relation(relation.kind, relation.refs, value), price, spread)
 
 
 def _sizes(layout: Parameters, at: Measures, sketch: Sketch) -> Iterator[tuple[Relation, bool]]:

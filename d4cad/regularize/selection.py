@@ -25,7 +25,7 @@ from d4cad.relations import Relation
 
 LIMIT = 4.5
 """Largest residual of a believed equation, in standard deviations."""
-IMPLIED = 1e-4
+IMPLIED = 1e-3
 """An equation whose rows keep less than this share of their length across the believed ones follows from them."""
 LOOSE = 0.2
 """Largest residual of an implied equation in its standard deviations before anything was believed: what linearisation
@@ -33,6 +33,9 @@ leaves."""
 
 TOLD = frozenset(("horizontal", "vertical", "tangent", "equal_radius", "concentric"))
 """Kinds of relations that are told even where they follow from others."""
+
+LATER = {"symmetric": 1, "congruent": 1, "polar": 1, "row": 1, "equal_length": 2, "angle": 2}
+"""Kinds that are not looked at first: patterns, which what holds of single edges may explain, and what patterns may."""
 
 
 class Candidate(NamedTuple):
@@ -101,10 +104,9 @@ class Belief:
 
 
 def believed(candidates: Iterable[tuple[Candidate, Equations]], belief: Belief) -> list[tuple[Candidate, int]]:
-    """The candidates that are believable one after another, the most convincing first, with the number of parameters
-    that each takes.
+    """The candidates that are believable one after another, with the number of parameters that each takes.
 
-    Each comes with its equations in standard deviations. Of those that follow from the ones before, only the
+    The most convincing come first, but for the order of ``LATER``. Each comes with its equations in standard deviations. Of those that follow from the ones before, only the
     kinds in ``TOLD`` are kept. ``belief`` takes them in.
     """
     alone = []
@@ -112,9 +114,9 @@ def believed(candidates: Iterable[tuple[Candidate, Equations]], belief: Belief) 
         verdict = belief.verdict(system, candidate.price)
         if verdict is not None and (verdict.gain > 0 or verdict.rank == 0):
             confidence = verdict.gain / max(verdict.rank, 1)
-            alone.append((-confidence, order, candidate, system))
+            alone.append((LATER.get(candidate.relation.kind, 0), -confidence, order, candidate, system))
     kept: list[tuple[Candidate, int]] = []
-    for _, _, candidate, system in sorted(alone, key=lambda entry: entry[:2]):
+    for *_, candidate, system in sorted(alone, key=lambda entry: entry[:3]):
         verdict = belief.verdict(system, candidate.price)
         if verdict is None or (verdict.rank and verdict.gain <= 0):
             continue

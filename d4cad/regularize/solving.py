@@ -41,7 +41,7 @@ def solved(relations: Sequence[Relation], layout: Parameters, anchor: Floats, sp
         size = np.linalg.norm(rows, axis=1)
         if not np.isfinite(worst) or np.any(size == 0):
             return None
-        if worst == 0 and k == 0:
+        if worst <= SATISFIED and k == 0:  # also so that snapping twice changes no bit
             return anchor
         if k >= SLOW and worst > max(last / 2, SATISFIED):
             return None
