@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import LinAlgError, solve
+from scipy.linalg import cho_factor, cho_solve
 
 from d4cad.canvas import Canvas
 from d4cad.edges import Floats
@@ -23,6 +23,7 @@ from d4cad.sketch import Sketch
 POLISH = 10
 """Most Gauss-Newton steps of the joined outline before relations are looked for."""
 DAMPING = 1e-6
+"""Share of every parameter's own curvature that is added, so that directions without any are not moved along."""
 FLOOR = 1e-10
 """Least variance of a pixel: what moves an edge by 1e-5 pixels or less is not told from an unfinished descent."""
 REPEATED = 9.0
@@ -49,12 +50,12 @@ class Picture:
     def newton(self, params: Floats) -> tuple[Floats, Floats]:
         """The parameters that the Gauss-Newton step leads to, and the matrix J'J."""
         _, force, matrix = self.table.normal(self.grammar.rasterize(self.program.moved(params), self.canvas))
-        diagonal = np.diagonal(matrix)
-        damped = matrix + np.diag(DAMPING * diagonal + 1e-9 * diagonal.max(initial=1e-300))
-        try:
-            return params - solve(damped, force, assume_a="pos"), matrix
-        except LinAlgError:
+        most = float(np.diagonal(matrix).max(initial=0.0))
+        if most < 1e-100:  # the picture sees none of it
             return params, matrix
+        unit = 1 / np.sqrt(np.maximum(np.diagonal(matrix), 1e-12 * most))
+        damped = matrix * np.outer(unit, unit) + DAMPING * np.eye(unit.size)
+        return params - unit * cho_solve(cho_factor(damped), unit * force), matrix
 
     def variance(self, params: Floats) -> float:
         """Variance that a pixel at the boundary has in effect, from what the outline leaves unexplained there.

@@ -19,7 +19,7 @@ from d4cad.regularize.parameters import Parameters
 from d4cad.regularize.patterns import pattern_candidates
 from d4cad.regularize.rounding import MILLIMETRES, round_candidates
 from d4cad.regularize.selection import LIMIT, TOLD, Belief, Candidate, believed
-from d4cad.regularize.solving import solved
+from d4cad.regularize.solving import SATISFIED, solved
 from d4cad.relations import Relation
 from d4cad.sketch import Sketch
 
@@ -162,9 +162,13 @@ def _grown(work: _Work, state: _State, proposals: Proposals) -> _State:
                 verdict = belief.verdict(system, 0.0)
                 if verdict is not None:
                     belief.believe(verdict)
-        known = {c.relation for c in state.kept} | refused
-        fresh = [c for c in proposals(at, spread, state.params) if c.relation not in known]
-        chosen = believed(((c, _system(c, work.layout, spread)) for c in fresh), belief)
+        known = {c.relation for c in state.kept}
+        fresh = [
+            (c, _system(c, work.layout, spread)) for c in proposals(at, spread, state.params) if c.relation not in known
+        ]
+        # What was refused once may have come to hold by itself.
+        fresh = [(c, s) for c, s in fresh if c.relation not in refused or np.abs(s.residual).max() <= SATISFIED]
+        chosen = believed(fresh, belief)
         chosen = _joining(chosen, [c.relation for c in state.kept])
         if not chosen:
             break

@@ -106,8 +106,8 @@ class Belief:
 def believed(candidates: Iterable[tuple[Candidate, Equations]], belief: Belief) -> list[tuple[Candidate, int]]:
     """The candidates that are believable one after another, with the number of parameters that each takes.
 
-    The most convincing come first, but for the order of ``LATER``. Each comes with its equations in standard deviations. Of those that follow from the ones before, only the
-    kinds in ``TOLD`` are kept. ``belief`` takes them in.
+    The most convincing come first, but for the order of ``LATER``. Each comes with its equations in standard
+    deviations. Of those that follow from the ones before, only the kinds in ``TOLD`` are kept. ``belief`` takes all in.
     """
     alone = []
     for order, (candidate, system) in enumerate(candidates):
