@@ -40,8 +40,8 @@ JOINING = (1e-4, 0.1)
 """Least and largest tolerance in pixels within which neighbouring edges are joined."""
 LEEWAY = 3.0
 """That tolerance as a multiple of the root mean square distance by which the fit misses the picture's boundary."""
-MOST_SNAPPED = 800
-"""Parameters of an outline, about 350 edges, above which relations are not looked for: time grows with their cube."""
+MOST_SNAPPED = 500
+"""Parameters of an outline, about 220 edges, above which relations are not looked for: time grows with their cube."""
 
 Watch = Callable[[Record], None]
 
