@@ -31,8 +31,8 @@ class Request:
     """What to fit and how.
 
     limit: shapes of each set, None for all. jobs: processes. max_time: seconds a shape. init: "contour" or "axiom";
-    None for the method's own start from bitmaps, and the axiom for exact rasters. Raises InputError where a
-    number or a name makes no sense.
+    None for the method's own start from bitmaps, and the axiom for exact rasters. snap: as for `fit_image`. Raises
+    InputError where a number or a name makes no sense.
     """
 
     data: Path
@@ -45,6 +45,7 @@ class Request:
     jobs: int = 1
     max_time: float | None = None
     init: str | None = None
+    snap: bool | None = None
 
     def __post_init__(self) -> None:
         if self.limit is not None and self.limit < 1:
@@ -172,6 +173,7 @@ def _fit(case: Case, truth: Sketch, request: Request) -> Fit:
         "seed": request.seed,
         "max_time": request.max_time,
         "init": request.init,
+        "snap": request.snap,
     }
     if request.bitmaps is not None:
         return fit_image(request.bitmaps / f"{case.name}.png", **how)

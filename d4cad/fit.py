@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from d4cad import exporters, io
 from d4cad.canvas import AREA, PAPER_RAMP, Canvas
@@ -28,7 +29,9 @@ from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
 from d4cad.program import Floats, Program
 from d4cad.protocols import Grammar, Tracer
 from d4cad.registry import make_grammar, make_method
+from d4cad.relations import Relation
 from d4cad.sketch import Sketch
+from d4cad.snapping import Snap, scale_of, snapped
 from d4cad.tracing import traced
 
 MARGIN = 8
@@ -38,6 +41,8 @@ JOINING = (1e-4, 0.1)
 """Least and largest tolerance in pixels within which neighbouring edges are joined."""
 LEEWAY = 3.0
 """That tolerance as a multiple of the root mean square distance by which the fit misses the picture's boundary."""
+MOST_SNAPPED = 500
+"""Parameters of an outline, about 220 edges, above which relations are not looked for: time grows with their cube."""
 
 STARTS = ("contour", "axiom")
 """Ways to begin without a program."""
@@ -53,7 +58,7 @@ class Fit:
     circle joined. seconds, wall: CPU and elapsed seconds of the optimisation. settings: what was asked for, as JSON
     values. made: size and origin that the picture or the program file states. target: (height, width) coverage, row 0
     lowest; None if the fit came from a program file. start_psnr, start_primitives: of the program that the search began
-    with.
+    with. snap: what regularisation has done, None if it was not asked for.
     """
 
     program: Program[Any]
@@ -70,6 +75,12 @@ class Fit:
     target: Floats | None = None
     start_psnr: float = 0.0
     start_primitives: int = 0
+    snap: Snap | None = None
+
+    @property
+    def relations(self) -> tuple[Relation, ...]:
+        """What holds exactly between the edges of `outline`; its named sizes are ``outline.dimensions``."""
+        return self.outline.relations
 
     @property
     def primitives(self) -> int:
@@ -184,6 +195,8 @@ class Fit:
             primitives=self.primitives,
             unit=loops.unit,
             loops=loops.to_neutral(),
+            relations=loops.relations,
+            dimensions=loops.dimensions,
             extra={"cpu_s": self.seconds, "wall_s": self.wall, **(extra or {})},
         )
 
@@ -208,6 +221,8 @@ def fit_image(
     invert: bool = False,
     watch: Watch | None = None,
     ramp: float | None = None,
+    snap: bool | None = None,
+    size: Placement | None = None,
 ) -> Fit:
     """Fit a program to a picture.
 
@@ -216,8 +231,9 @@ def fit_image(
     None is the contour for method "fast", if the grammar can draw it, and the axiom for "paper". max_time: seconds.
     threshold: grey level in [0, 1] that makes the picture binary. invert: exchange shape and ground. watch: called with
     a Record after every round. ramp: half-width in pixels of the picture's edges; None measures it, 1/sqrt(2) is the
-    paper's exact raster. Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so
-    far.
+    paper's exact raster. snap: make relations exact that the picture makes likely (:mod:`d4cad.regularize`); None:
+    unless the method is "paper". size: of the part, if known: sizes in mm may be made round then. Raises InputError for
+    what cannot be used. Ctrl-C ends the search with the best program so far.
     """
     _check_request(seed, max_time, ramp)
     start = _start(init, grammar)
@@ -237,6 +253,8 @@ def fit_image(
         floor=model.floor,
         noise=model.noise,
         slack=model.slack,
+        snap=snap,
+        size=size,
     )
     asked = {"picture": picture.name, "threshold": threshold, "invert": invert}
     return replace(fit, settings={**asked, **fit.settings}, made=Placement(dpi=picture.dpi))
@@ -255,6 +273,8 @@ def fit_coverage(
     floor: float | None = None,
     noise: float = 0.0,
     slack: float = 0.0,
+    snap: bool | None = None,
+    size: Placement | None = None,
 ) -> Fit:
     """Fit a program to coverage on a canvas: (height, width) in [0, 1], row 0 lowest.
 
@@ -266,7 +286,7 @@ def fit_coverage(
     _check_request(seed, max_time)
     if target.shape != canvas.shape:
         raise InputError(f"expected a target of shape {canvas.shape}, got {target.shape}")
-    start = _start(init, grammar)
+    start, snap = _start(init, grammar), method != "paper" if snap is None else snap
     floor = exact(target, canvas).floor if floor is None else floor
     language, settings = make_grammar(grammar, method, canvas), make_method(method, canvas, floor, grammar)
     if max_time is not None:
@@ -297,7 +317,7 @@ def fit_coverage(
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
     program = _drawable(language, [*seen, found.program])
     error = float(np.mean((language.rasterize(program, canvas).coverage - target) ** 2))
-    return Fit(
+    fit = Fit(
         program=program,
         canvas=canvas,
         grammar=language,
@@ -312,10 +332,43 @@ def fit_coverage(
             "seed": seed,
             "init": start if isinstance(start, str) else "program",
             "max_time": max_time,
+            "snap": snap,
         },
         target=target,
         start_psnr=decibels(float(np.mean((language.rasterize(first, canvas).coverage - target) ** 2))),
         start_primitives=language.primitives(first),
+    )
+    return regularised(fit, size, slack) if snap and fit.stop is not Stop.INTERRUPTED else fit
+
+
+def regularised(fit: Fit, size: Placement | None = None, slack: float = 0.0) -> Fit:
+    """The fit with the relations that its picture makes likely (:mod:`d4cad.regularize`), its program drawing the
+    regularised outline. size: of the part, if round sizes in mm are wanted. slack: as for
+    :func:`fit_coverage`. Raises InputError for a fit without target.
+    """
+    if fit.target is None:
+        raise InputError("a fit from a program file has no picture to be regularised by")
+    grammar = fit.grammar
+    if not isinstance(grammar, Tracer) or grammar.drawn(fit.outline.loops).params.size > MOST_SNAPPED:
+        return fit
+    cpu, wall = time.process_time(), time.perf_counter()
+    scale = scale_of(size, fit.canvas)
+    try:
+        with threadpool_limits(limits=1):
+            snap, program = snapped(fit.outline, grammar, fit.canvas, fit.target, scale, slack)
+    except KeyboardInterrupt:
+        return replace(fit, stop=Stop.INTERRUPTED)
+    cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+    if not snap.relations:
+        return replace(fit, snap=snap, seconds=fit.seconds + cpu, wall=fit.wall + wall)
+    return replace(
+        fit,
+        program=program,
+        outline=snap.sketch,
+        psnr=decibels(float(np.mean((fit.grammar.rasterize(program, fit.canvas).coverage - fit.target) ** 2))),
+        seconds=fit.seconds + cpu,
+        wall=fit.wall + wall,
+        snap=snap,
     )
 
 

@@ -3,6 +3,9 @@
 It holds the program (grammar, structure, parameters, canvas), how it was found (settings, history, stop, psnr) and,
 under ``loops``, its outline in ``unit``, y up, origin as chosen: loops of ``{"type": "line", "start": [x, y],
 "end": [x, y]}`` and ``{"type": "arc", ..., "bulge": b}``, b = tan(sweep / 4), > 0 counter-clockwise (the DXF bulge).
+Under ``regularisation``, which may be missing, it says what holds exactly between these edges and names their sizes:
+``{"relations": [{"kind", "refs": [[loop, edge], ...], "value"}], "dimensions": [{"name", "kind", "refs", "value",
+"round"}]}``, kinds as in :mod:`d4cad.relations`, lengths in ``unit``.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from d4cad import __version__
 from d4cad.canvas import Canvas
 from d4cad.errors import InputError
 from d4cad.files import replacing
+from d4cad.relations import Dimension, Relation, from_json, to_json
 
 FORMAT = "d4cad-program"
 VERSION = 1
@@ -33,7 +37,8 @@ class ProgramFile:
     """The contents of a program file, checked but not yet decoded by its grammar.
 
     structure: the JSON value that the grammar encoded. params: world units and pure numbers. history: one mapping per
-    record with the keys ``RECORD``. stop: name of the stop reason. psnr: dB. loops: the outline in ``unit``.
+    record with the keys ``RECORD``. stop: name of the stop reason. psnr: dB. loops: the outline in ``unit``. relations,
+    dimensions: of the loops, lengths in ``unit``.
     extra: further keys, kept as they are.
     """
 
@@ -49,6 +54,8 @@ class ProgramFile:
     unit: str
     loops: list[list[dict[str, Any]]]
     extra: Mapping[str, Any] = field(default_factory=dict)
+    relations: tuple[Relation, ...] = ()
+    dimensions: tuple[Dimension, ...] = ()
 
 
 def write(path: str | PathLike[str], file: ProgramFile) -> None:
@@ -79,7 +86,7 @@ def read(path: str | PathLike[str]) -> ProgramFile:
 
 def dumps(file: ProgramFile) -> str:
     """The file's text: JSON with one top-level key a line, floats that read back exactly."""
-    document = {
+    document: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
         "d4cad": __version__,
@@ -101,6 +108,8 @@ def dumps(file: ProgramFile) -> str:
         "unit": file.unit,
         "loops": file.loops,
     }
+    if file.relations or file.dimensions:
+        document["regularisation"] = to_json(file.relations, file.dimensions)
     lines = (f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in document.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
@@ -123,6 +132,8 @@ def loads(text: str) -> ProgramFile:
     if "structure" not in document:
         raise InputError('it has no "structure"')
     history = _take(document, "history", list)
+    loops = _loops(_take(document, "loops", list))
+    relations, dimensions = _regularisation(document.get("regularisation", {}), [len(loop) for loop in loops])
     return ProgramFile(
         grammar=_take(document, "grammar", str),
         structure=document["structure"],
@@ -134,14 +145,16 @@ def loads(text: str) -> ProgramFile:
         psnr=_number(_take(document, "psnr", float), "psnr"),
         primitives=_take(document, "primitives", int),
         unit=unit,
-        loops=_loops(_take(document, "loops", list)),
+        loops=loops,
+        relations=relations,
+        dimensions=dimensions,
         extra={key: value for key, value in document.items() if key not in _KEYS},
     )
 
 
 _KEYS = frozenset(
     ("format", "version", "d4cad", "grammar", "structure", "params", "canvas", "settings", "history", "stop", "psnr")
-) | {"primitives", "unit", "loops"}
+) | {"primitives", "unit", "loops", "regularisation"}
 _KINDS: dict[type, str] = {str: "text", int: "a whole number", float: "a number", list: "a list", dict: "an object"}
 
 
@@ -209,6 +222,13 @@ def _loops(value: list[Any]) -> list[list[dict[str, Any]]]:
             if edge["type"] == "arc":
                 _number(edge.get("bulge"), f"{where}.bulge")
     return value
+
+
+def _regularisation(value: object, edges: list[int]) -> tuple[tuple[Relation, ...], tuple[Dimension, ...]]:
+    try:
+        return from_json(value, edges)
+    except InputError as error:
+        raise InputError(f'in its "regularisation", {error}') from None
 
 
 def _record(value: object, i: int) -> dict[str, float]:

@@ -60,7 +60,7 @@ class Placement:
     def place(self, outline: Sketch, canvas: Canvas) -> Sketch:
         """A sketch in world units of ``canvas`` as a part in mm; at 96 dpi if no size is given."""
         xmin, ymin, xmax, ymax = outline.bounds
-        factor = self.pixel_size / canvas.pixel if self.width is None else self.width / (xmax - xmin)
+        factor = self.factor(outline, canvas)
         if self.origin == "drawing":
             if self.zero is None:
                 raise InputError("only a part that was drawn has a drawing's origin: expected corner or center")
@@ -69,6 +69,11 @@ class Placement:
             x, y = (xmin, ymin) if self.origin == "corner" else ((xmin + xmax) / 2, (ymin + ymax) / 2)
         # Moved first: in the part's own corner the coordinates keep their digits, and the corner is exactly 0.
         return outline.translated(-x, -y).scaled(factor, "mm")
+
+    def factor(self, outline: Sketch, canvas: Canvas) -> float:
+        """mm per world unit of ``outline`` on ``canvas``."""
+        xmin, _, xmax, _ = outline.bounds
+        return self.pixel_size / canvas.pixel if self.width is None else self.width / (xmax - xmin)
 
     @property
     def pixel_size(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import ceil, log2
 from os import PathLike
 from pathlib import Path
@@ -59,10 +60,11 @@ def from_drawing(drawing: Drawing, name: str) -> Fit:
     scale = 2.0 ** ceil(log2(max(xmax - xmin, ymax - ymin) / (FILL * SPAN)))
     canvas = Canvas.square(SIDE)
     world = sketch.translated(-x, -y).scaled(1 / scale, "world")
+    grammar = ArcLine(canvas.pixel)
     return Fit(
-        program=program_of(world),
+        program=grammar.drawn(world.loops),
         canvas=canvas,
-        grammar=ArcLine(canvas.pixel),
+        grammar=grammar,
         psnr=decibels(0.0),
         outline=world,
         history=(),
@@ -72,15 +74,6 @@ def from_drawing(drawing: Drawing, name: str) -> Fit:
         settings={"drawing": name, "notes": list(drawing.notes)},
         made=Placement(scale=scale * canvas.pixel, origin="drawing", zero=(-x / scale, -y / scale)),
     )
-
-
-def program_of(sketch: Sketch) -> Program[Structure]:
-    """A sketch in world units as an Arc-Line program with the same loops."""
-    loops = sketch.loops
-    bulges = np.array([b for loop in loops for b in loop.bulges])
-    points = np.array([p for loop in loops for p in loop.points])
-    structure = Structure(tuple(len(loop.points) for loop in loops), tuple((bulges != 0).tolist()))
-    return Program(structure, np.concatenate([points.ravel(), bulges[bulges != 0]]))
 
 
 def moved_onto(start: Fit, target: Floats, canvas: Canvas) -> Program[Structure]:
@@ -95,7 +88,8 @@ def moved_onto(start: Fit, target: Floats, canvas: Canvas) -> Program[Structure]
     box = np.array(start.outline.bounds).reshape(2, 2)
     factor = float(np.sqrt(np.prod((high - low) / (box[1] - box[0]))))
     shift = (low + high) / 2 - factor * (box[0] + box[1]) / 2
-    return program_of(start.outline.scaled(factor, "world").translated(float(shift[0]), float(shift[1])))
+    outline = start.outline.scaled(factor, "world").translated(float(shift[0]), float(shift[1]))
+    return ArcLine(canvas.pixel).drawn(outline.loops)
 
 
 def _decoded(file: io.ProgramFile) -> Fit:
@@ -107,7 +101,9 @@ def _decoded(file: io.ProgramFile) -> Fit:
     if file.stop.upper() not in Stop.__members__:
         raise InputError(f"its stop is {file.stop!r}, expected one of {', '.join(Stop.__members__).lower()}")
     program = Program(structure, np.array(file.params))
-    if "drawing" in file.settings:  # it was drawn so: nothing is off that joining could mend
+    if file.relations or file.dimensions:  # a regularised program draws its outline edge by edge
+        outline = _related(grammar.outline(program), file)
+    elif "drawing" in file.settings:  # it was drawn so: nothing is off that joining could mend
         outline = grammar.outline(program)
     else:
         outline = joined_outline(grammar, program, file.canvas, 10 ** (-file.psnr / 10))
@@ -123,6 +119,19 @@ def _decoded(file: io.ProgramFile) -> Fit:
         wall=_seconds(file.extra, "wall_s"),
         settings={key: value for key, value in file.settings.items() if key != "placement"},
         made=stated(file.settings.get("placement", {})),
+    )
+
+
+def _related(outline: Sketch, file: io.ProgramFile) -> Sketch:
+    """The outline, in world units, with the file's relations, whose lengths are in the file's unit."""
+    written = Sketch.from_neutral(file.loops, file.unit)
+    if [len(loop.bulges) for loop in written.loops] != [len(loop.bulges) for loop in outline.loops]:
+        raise InputError("its loops are not those of its program, so that its relations say nothing")
+    factor = outline.length / written.length
+    return replace(
+        outline,
+        relations=tuple(relation.scaled(factor) for relation in file.relations),
+        dimensions=tuple(dimension.scaled(factor) for dimension in file.dimensions),
     )
 
 

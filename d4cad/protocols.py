@@ -115,7 +115,7 @@ STIFF = 1e6
 
 
 @runtime_checkable
-class Tracer(Protocol):
+class Tracer(Grammar[Any], Protocol):
     """A grammar that can start from loops of lines and arcs."""
 
     def drawn(self, loops: Sequence[Loop]) -> Program[Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from math import isfinite
 from typing import Any, NamedTuple
@@ -14,8 +14,9 @@ from d4cad.edges import Edges, Floats, boxes, chords, meetings, neighbour_meetin
 from d4cad.errors import GeometryError
 from d4cad.joining import joined
 from d4cad.loop import ROUNDING, Circle, Loop, Point, checked
+from d4cad.relations import Dimension, Relation
 
-__all__ = ["Circle", "Face", "Loop", "Point", "Sketch"]
+__all__ = ["Circle", "Dimension", "Face", "Loop", "Point", "Relation", "Sketch"]
 
 NeutralEdge = dict[str, Any]
 NeutralLoops = list[list[NeutralEdge]]
@@ -43,7 +44,8 @@ class Face:
 class Sketch:
     """Disjoint faces in one plane, y up.
 
-    ``unit``: what one unit of length is, "world" or "mm".
+    ``unit``: what one unit of length is, "world" or "mm". ``relations``, ``dimensions``: what holds exactly between the
+    edges of `loops`, and its named sizes (:mod:`d4cad.relations`); scaled and moved with the sketch.
 
     >>> square = Loop.polyline([(0, 0), (4, 0), (4, 4), (0, 4)])
     >>> plate = Sketch.from_loops([square, Circle((2, 2), 1).loop()], "mm")
@@ -53,6 +55,8 @@ class Sketch:
 
     faces: tuple[Face, ...]
     unit: str = "world"
+    relations: tuple[Relation, ...] = ()
+    dimensions: tuple[Dimension, ...] = ()
 
     @classmethod
     def from_loops(cls, loops: Iterable[Loop], unit: str = "world") -> Sketch:
@@ -97,18 +101,27 @@ class Sketch:
         return sum(len(loop.points) for loop in self.loops)
 
     def simplified(self, tolerance: float) -> Sketch:
-        """Fewer edges, every loop within ``tolerance``, a length in `unit`: see :func:`d4cad.joining.joined`."""
-        return self._mapped([joined(loop, tolerance) for loop in self.loops], self.unit)
+        """Fewer edges, every loop within ``tolerance``, a length in `unit`: see :func:`d4cad.joining.joined`.
+
+        Relations and dimensions name edges: they stay only if no loop changes.
+        """
+        loops = [joined(loop, tolerance) for loop in self.loops]
+        return self if tuple(loops) == self.loops else self._mapped(loops, self.unit)
 
     def scaled(self, factor: float, unit: str = "mm") -> Sketch:
         """All coordinates times ``factor``, which must be positive and finite, now in ``unit``."""
         if not (factor > 0 and isfinite(factor)):
             raise GeometryError(f"the scale of a sketch must be positive and finite, got {factor}")
-        return self._mapped([loop.scaled(factor) for loop in self.loops], unit)
+        return replace(
+            self._mapped([loop.scaled(factor) for loop in self.loops], unit),
+            relations=tuple(relation.scaled(factor) for relation in self.relations),
+            dimensions=tuple(dimension.scaled(factor) for dimension in self.dimensions),
+        )
 
     def translated(self, dx: float, dy: float) -> Sketch:
         """The sketch moved by (dx, dy)."""
-        return self._mapped([loop.translated(dx, dy) for loop in self.loops], self.unit)
+        moved = self._mapped([loop.translated(dx, dy) for loop in self.loops], self.unit)
+        return replace(moved, relations=self.relations, dimensions=self.dimensions)
 
     @property
     def wrapped(self) -> Any:

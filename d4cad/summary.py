@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from d4cad.fit import Fit
+from d4cad.fit import Fit, decibels
 from d4cad.outputs import is_solid
 from d4cad.placement import Placement
+from d4cad.relations import to_json as relations_json
 from d4cad.sketch import Sketch
+from d4cad.snapping import Snap
 
 
 def census(sketch: Sketch) -> dict[str, int]:
@@ -23,6 +25,7 @@ def census(sketch: Sketch) -> dict[str, int]:
 def summary(fit: Fit, placement: Placement, files: Sequence[Path]) -> dict[str, Any]:
     """Facts as JSON values. Sizes in mm, psnr in dB, times in seconds."""
     sketch = placement.place(fit.outline, fit.canvas)
+    factor = placement.factor(fit.outline, fit.canvas)
     xmin, ymin, xmax, ymax = sketch.bounds
     return {
         "picture": fit.settings.get("picture"),
@@ -42,8 +45,26 @@ def summary(fit: Fit, placement: Placement, files: Sequence[Path]) -> dict[str, 
         "cpu_s": fit.seconds,
         "wall_s": fit.wall,
         "rounds": len(fit.history),
+        "snap": None if fit.snap is None else snap_facts(fit.snap, fit.canvas.pixel, factor),
+        "relations": relations_json(sketch.relations, sketch.dimensions)["relations"],
+        "dimensions": {dimension.name: dimension.value for dimension in sketch.dimensions},
         "notes": list(fit.notes(placement, solid=any(is_solid(path) for path in files))),
         "files": [str(path) for path in files],
+    }
+
+
+def snap_facts(snap: Snap, pixel: float, factor: float) -> dict[str, Any]:
+    """What was snapped and by how much. pixel: world units. factor: mm per world unit."""
+    counts: dict[str, int] = {}
+    for relation in snap.relations:
+        counts[relation.kind] = counts.get(relation.kind, 0) + 1
+    return {
+        "counts": counts,
+        "parameters": snap.freed,
+        "largest_move_px": snap.moved / pixel,
+        "largest_move_mm": snap.moved * factor,
+        "psnr_before": decibels(snap.before),
+        "psnr_after": decibels(snap.after),
     }
 
 
@@ -55,6 +76,7 @@ def text(facts: dict[str, Any]) -> str:
     lines = [
         f"{_count(facts['primitives'], 'primitive')} ({kinds(facts)}){quality}",
         f"{width:.6g} x {height:.6g} mm",
+        *_snapped(facts["snap"]),
         *([f"stopped after {facts['wall_s']:.2f} s: {facts['stop_reason']}"] if fitted else []),
         *(f"note: {note}" for note in facts["notes"]),
         *(f"wrote {path}" for path in facts["files"]),
@@ -68,6 +90,18 @@ def kinds(facts: dict[str, Any]) -> str:
     if facts["circles"]:
         found[-1] += " of 2 arcs"
     return ", ".join(found)
+
+
+def _snapped(snap: dict[str, Any] | None) -> list[str]:
+    """What was snapped, in a line or two."""
+    if snap is None or not snap["counts"]:
+        return [] if snap is None else ["snapped nothing: no relation is likely enough"]
+    counts = ", ".join(f"{count} {kind.replace('_', ' ')}" for kind, count in snap["counts"].items())
+    return [
+        f"snapped {sum(snap['counts'].values())} relations: {counts}",
+        f"  the largest move is {snap['largest_move_px']:.2g} px ({snap['largest_move_mm']:.2g} mm), "
+        f"{snap['psnr_before']:.1f} -> {snap['psnr_after']:.1f} dB",
+    ]
 
 
 def _count(n: int, noun: str) -> str:

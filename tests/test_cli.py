@@ -65,8 +65,9 @@ def test_every_output_and_a_summary(plate: str) -> None:
     lines = result.stdout.splitlines()
     assert lines[0].startswith("6 primitives (4 lines, 1 circle of 2 arcs), ")
     assert lines[1].startswith("60 x 40")
-    assert "no rewrite pays" in lines[2]
-    assert lines[3:] == [f"wrote {name}" for name in [*names, "look.svg"]]
+    assert lines[2].startswith("snapped ")
+    assert "no rewrite pays" in lines[4]
+    assert lines[5:] == [f"wrote {name}" for name in [*names, "look.svg"]]
     assert sorted(os.listdir()) == sorted([*names, "look.svg", "plate.png"])
     assert load_program("part.json").made.thickness == 4
 
@@ -90,6 +91,24 @@ def test_json_is_one_object_and_nothing_else(plate: str) -> None:
     assert facts["psnr"] > 45
     assert facts["stop"] == "stalled"
     assert facts["files"] == ["part.svg"]
+
+
+def test_what_was_snapped_is_told(plate: str) -> None:
+    said = d4cad("fit", plate, "--width", "60").stdout
+    assert "snapped" in said
+    assert "horizontal" in said
+    assert "the largest move is" in said
+    facts = json.loads(d4cad("fit", plate, "--width", "60", "--json").stdout)
+    assert facts["snap"]["counts"]["horizontal"] == 2
+    assert facts["snap"]["largest_move_px"] < 0.2
+    assert facts["dimensions"]["hole_diameter"] == pytest.approx(18, abs=1e-9)
+    assert {"kind": "height", "refs": [], "value": pytest.approx(40)} in facts["relations"]
+
+
+def test_snapping_can_be_left_out(plate: str) -> None:
+    assert "snapped" not in d4cad("fit", plate, "--width", "60", "--no-snap").stdout
+    facts = json.loads(d4cad("fit", plate, "--no-snap", "--json").stdout)
+    assert (facts["snap"], facts["relations"], facts["dimensions"]) == (None, [], {})
 
 
 def test_quiet_prints_nothing(plate: str) -> None:

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from d4cad import io
 from d4cad.canvas import Canvas
 from d4cad.errors import ExportError, InputError
+from d4cad.relations import Dimension, Relation
 
 LOOPS: list[list[dict[str, Any]]] = [
     [
@@ -60,6 +61,19 @@ def test_other_software_can_read_it() -> None:
     assert document["version"] == 1
     assert document["loops"] == LOOPS
     assert document["unit"] == "mm"
+
+
+def test_relations_and_dimensions_read_back() -> None:
+    relations = (Relation("horizontal", ((0, 0),)), Relation("length", ((0, 1),), 2.5))
+    dimensions = (Dimension("width", "width", (), 4.0, True),)
+    file = replace(FILE, relations=relations, dimensions=dimensions)
+    text = io.dumps(file)
+    assert fields(io.loads(text)) == fields(file)
+    assert "regularisation" not in json.loads(io.dumps(FILE))
+    document = json.loads(text)
+    document["regularisation"]["relations"][0]["refs"] = [[9, 0]]
+    with pytest.raises(InputError, match=r'in its "regularisation", there is no edge 0 of loop 9'):
+        io.loads(json.dumps(document))
 
 
 def broken(**changes: Any) -> str:

@@ -20,6 +20,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 PACKAGE_DIR: dict[str, str] = PROJECT["tool"]["setuptools"]["package-dir"]
 
 GEOMETRY = {"errors", "edges", "loop", "joining", "sketch", "cutting", "arrangement", "booleans", "offsets"}
+GEOMETRY |= {"relations"}
 ALLOWED: dict[str, set[str]] = {
     "edges": set(),
     "loop": {"errors", "edges"},
@@ -27,7 +28,7 @@ ALLOWED: dict[str, set[str]] = {
     "features": {"errors", "edges", "loop", "joining"},
     # io: the outline that a program file states
     "exporters": GEOMETRY | {"exporters", "canvas", "features", "files", "io", "offsets", "__version__"},
-    "sketch": {"errors", "edges", "loop", "joining"},
+    "sketch": {"errors", "edges", "loop", "joining", "relations"},
     "cutting": {"edges", "loop"},
     "arrangement": {"edges", "loop", "cutting"},
     "booleans": {"errors", "edges", "sketch", "cutting", "arrangement"},
@@ -39,6 +40,8 @@ ALLOWED: dict[str, set[str]] = {
     "segmentation": GEOMETRY | {"deviation", "refinement", "runs"},
     "simplification": GEOMETRY | {"deviation", "segmentation"},
     "importers": GEOMETRY | {"booleans", "deviation", "importers", "segmentation"},
+    "relations": {"errors"},
+    "regularize": GEOMETRY | {"regularize"},
     "raster": {"raster", "errors", "canvas", "program"},
     "grammars": GEOMETRY | {"grammars", "raster", "canvas", "program", "protocols"},
     "objectives": {"objectives", "raster", "canvas", "errors", "program", "protocols"},

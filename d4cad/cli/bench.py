@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from d4cad.cli.options import Grammar, Method, Seed
+from d4cad.cli.options import Grammar, Method, Seed, Snap
 from d4cad.cli.running import reported
 
 
@@ -36,10 +36,11 @@ def bench(
     init: Annotated[
         str | None, typer.Option(metavar="contour|axiom", help="What to start from.", show_default="as fit does")
     ] = None,
+    snap: Snap = None,
 ) -> None:
     """Fit every shape of a folder whose truth is known, and compare."""
     with reported():
         from d4cad.bench import Request, run, table
 
-        rows = run(Request(data, out, bitmaps, grammar, method, seed, limit, jobs, max_time, init))
+        rows = run(Request(data, out, bitmaps, grammar, method, seed, limit, jobs, max_time, init, snap))
         typer.echo(table(rows))

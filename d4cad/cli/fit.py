@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from d4cad.cli.options import Dpi, Grammar, Json, Method, Origin, Output, Quiet, Scale, Seed, Thickness, Width
+from d4cad.cli.options import Dpi, Grammar, Json, Method, Origin, Output, Quiet, Scale, Seed, Snap, Thickness, Width
 from d4cad.cli.running import INTERRUPTED, check_outputs, progress, report, reported, write
 
 
@@ -41,6 +41,7 @@ def fit(
         typer.Option(metavar="T", help="Grey level from 0 to 1 that parts shape and ground.", show_default="automatic"),
     ] = None,
     invert: Annotated[bool, typer.Option("--invert", help="Exchange shape and ground.")] = False,
+    snap: Snap = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -64,6 +65,8 @@ def fit(
                 threshold=threshold,
                 invert=invert,
                 watch=watch,
+                snap=snap,
+                size=placement,
             )
         placement = found.placement(width, scale, dpi, origin, thickness)
         write(found, placement, outputs, preview)

@@ -57,5 +57,13 @@ Dialect = Annotated[
 Grammar = Annotated[str, typer.Option(metavar="NAME", help="Language of shapes: arc-line.")]
 Method = Annotated[str, typer.Option(metavar="NAME", help="fast, or paper for the published settings.")]
 Seed = Annotated[int, typer.Option(metavar="N", help="Seed of all randomness.")]
+Snap = Annotated[
+    bool | None,
+    typer.Option(
+        "--snap/--no-snap",
+        help="Make relations exact that the picture makes likely: horizontal, tangent, equal, round ...",
+        show_default="snap, but with --method paper",
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
