@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from math import inf, isfinite, log10, sqrt
 from os import PathLike
 from pathlib import Path
@@ -21,7 +21,7 @@ from d4cad.edgemodel import AREA_RAMP, exact, measured
 from d4cad.errors import ExportError, GeometryError, InputError
 from d4cad.exporters import preview
 from d4cad.exporters.svg import svg
-from d4cad.images import load
+from d4cad.images import Picture, load
 from d4cad.objectives.image import ImageLoss
 from d4cad.outputs import check_output
 from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
@@ -37,6 +37,12 @@ JOINING = (1e-4, 0.1)
 """Least and largest tolerance in pixels within which neighbouring edges are joined."""
 LEEWAY = 3.0
 """That tolerance as a multiple of the root mean square distance by which the fit misses the picture's boundary."""
+
+LARGE = 1024
+"""Pixels along a picture's longer side above which a coarse picture comes first."""
+
+NOISE_LIKE = 12.0
+"""dB below which a picture is not one of an outline: a blank page of two equal levels has 6."""
 
 Watch = Callable[[Record], None]
 
@@ -197,38 +203,72 @@ def fit_image(
     init: str | PathLike[str] | Fit = "axiom",
     seed: int = 0,
     max_time: float | None = None,
-    threshold: float | None = None,
+    threshold: str | float | None = None,
     invert: bool = False,
     watch: Watch | None = None,
     ramp: float | None = None,
+    smooth: float = 0.0,
+    despeckle: int = 0,
 ) -> Fit:
     """Fit a program to a picture.
 
     image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". init: "axiom",
-    or a program file or fit to go on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture
-    binary. invert: exchange shape and ground. watch: called with a Record after every round. ramp: half-width in pixels
-    of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster.
+    or a program file or fit to go on from. max_time: seconds. threshold, invert, smooth, despeckle: as
+    :func:`d4cad.images.load` has them. watch: called with a Record after every round. ramp: half-width in pixels
+    of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster. A picture of more than 1024 pixels
+    a side is fitted at a coarse scale first, see :func:`d4cad.pyramid.fit_pyramid`.
     Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
     """
     _check_request(seed, max_time, ramp)
     start = _start(init, grammar)
-    picture = load(image, threshold=threshold, invert=invert)
+    picture = load(image, threshold=threshold, invert=invert, smooth=smooth, despeckle=despeckle)
+    asked = {"threshold": threshold, "invert": invert, "smooth": smooth, "despeckle": despeckle}
+    return fit_picture(
+        picture, method=method, grammar=grammar, init=start, seed=seed, max_time=max_time, watch=watch, ramp=ramp,
+        asked=asked,
+    )  # fmt: skip
+
+
+def fit_picture(
+    picture: Picture,
+    *,
+    method: str = "fast",
+    grammar: str = "arc-line",
+    init: Fit | None = None,
+    seed: int = 0,
+    max_time: float | None = None,
+    watch: Watch | None = None,
+    ramp: float | None = None,
+    asked: Mapping[str, Any] | None = None,
+) -> Fit:
+    """Fit a program to a picture that is loaded; ``asked``: settings of its loading for the record.
+
+    init: the fit to go on from, None for the axiom. The rest as for :func:`fit_image`.
+    """
     target = _framed(picture.target)
     canvas = Canvas.for_image(target.shape, AREA_RAMP if ramp is None else ramp)
     model = measured(target, picture.noise) if ramp is None else exact(target, canvas, picture.noise)
-    fit = fit_coverage(
+    fitted: Callable[..., Fit] = fit_coverage
+    if init is None and method == "fast" and max(canvas.shape) > LARGE:
+        from d4cad.pyramid import fit_pyramid
+
+        fitted = partial(fit_pyramid, noise=picture.noise)
+    fit = fitted(
         target,
         canvas.with_ramp(model.ramp),
         method=method,
         grammar=grammar,
-        init="axiom" if start is None else start,
+        init="axiom" if init is None else init,
         seed=seed,
         max_time=max_time,
         watch=watch,
         floor=model.floor,
     )
-    asked = {"picture": picture.name, "threshold": threshold, "invert": invert}
-    return replace(fit, settings={**asked, **fit.settings}, made=Placement(dpi=picture.dpi))
+    notes = [*picture.notes]
+    if fit.psnr < NOISE_LIKE:
+        notes.append(f"the outline explains little of the picture ({fit.psnr:.1f} dB): is it noise or shaded?")
+    settings = {"picture": picture.name, **(asked or {}), **fit.settings, **({"notes": notes} if notes else {})}
+    return replace(fit, settings=settings, made=Placement(dpi=picture.dpi))
 
 
 def fit_coverage(

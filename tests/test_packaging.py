@@ -47,7 +47,8 @@ ALLOWED: dict[str, set[str]] = {
     "descent": {"canvas", "errors", "program", "protocols"},
     "estimators": {"canvas", "errors", "program", "protocols"},
     "steppers": {"canvas", "errors", "program", "protocols"},
-    "images": {"errors"},
+    "images": {"errors", "preprocess"},
+    "preprocess": {"errors"},
     "outlines": GEOMETRY,
     "shapes": GEOMETRY | {"outlines"},
 }
