@@ -337,6 +337,7 @@ def fit_coverage(
             "seed": seed,
             "init": "axiom" if start is None else "program",
             "max_time": max_time,
+            "floor": floor,
         },
         target=target,
     )
