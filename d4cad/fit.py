@@ -131,7 +131,8 @@ class Fit:
         **options: Any,
     ) -> None:
         """Write what the extension says: .json the program file, .step .stp .brep .stl .3mf .glb a solid of
-        ``thickness`` mm, .py .scad its source code, .dxf .svg a drawing of the outline, .png a preview.
+        ``thickness`` mm, .py .scad its source code, .dxf .svg a drawing of the outline, .png a preview, .html a
+        report.
 
         Size and origin as for :meth:`sketch`. options: name, color, kerf, form and all else in
         :class:`exporters.Options`, as far as the format takes them. Raises InputError for a bad value, ExportError if
@@ -145,6 +146,11 @@ class Fit:
         suffix = path.suffix.lower()
         if suffix == ".png":
             self.write_preview(path)
+            return
+        if suffix == ".html":
+            from d4cad.reporting import write_page
+
+            write_page(self, path, placement)
             return
         sketch = placement.place(self.outline, self.canvas)
         if suffix == ".json":
