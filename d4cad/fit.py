@@ -44,6 +44,11 @@ LARGE = 1024
 NOISE_LIKE = 12.0
 """dB below which a picture is not one of an outline: a blank page of two equal levels has 6."""
 
+RESTLESS = 0.15
+"""Share of outvoted pixels above which a picture is noise: white noise has 0.36, a drawing hardly any."""
+PATIENCE = 20.0
+"""Seconds that such a picture has where no time limit is given."""
+
 Watch = Callable[[Record], None]
 
 
@@ -254,6 +259,10 @@ def fit_picture(
     target = _framed(picture.target)
     canvas = Canvas.for_image(target.shape, AREA_RAMP if ramp is None else ramp)
     model = measured(target, picture.noise) if ramp is None else exact(target, canvas, picture.noise)
+    notes = [*picture.notes]
+    if max_time is None and _is_restless(target):
+        max_time = PATIENCE
+        notes.append(f"the picture looks like noise: the search has {max_time:g} s unless a time limit is given")
     fitted: Callable[..., Fit] = fit_coverage
     if init is None and method == "fast" and max(canvas.shape) > LARGE:
         from d4cad.pyramid import fit_pyramid
@@ -270,7 +279,6 @@ def fit_picture(
         watch=watch,
         floor=model.floor,
     )
-    notes = [*picture.notes]
     if fit.psnr < NOISE_LIKE:
         notes.append(f"the outline explains little of the picture ({fit.psnr:.1f} dB): is it noise or shaded?")
     settings = {"picture": picture.name, **(asked or {}), **fit.settings, **({"notes": notes} if notes else {})}
@@ -347,6 +355,15 @@ def fit_coverage(
         },
         target=target,
     )
+
+
+def _is_restless(target: Floats) -> bool:
+    """Whether most of what the middle of a picture shows is single pixels: those that the eight around outvote."""
+    from scipy.ndimage import uniform_filter
+
+    height, width = (max(0, side - 512) // 2 for side in target.shape)
+    inside = target[height : height + 512, width : width + 512] > 0.5
+    return float(np.mean(inside != (uniform_filter(inside.astype(np.float64), 3) > 0.5))) > RESTLESS
 
 
 def _framed(target: Floats) -> Floats:

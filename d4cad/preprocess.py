@@ -16,8 +16,11 @@ AUTO, OTSU, ADAPTIVE = "auto", "otsu", "adaptive"
 
 REACHES = (1 / 24, 1 / 8, 1 / 3)
 """Radii, as shares of the longer side, within which light is looked for: the nearer where there is enough of it."""
-ENOUGH = 0.02
-"""Weight of the surroundings, of what a full one would have, below which the next wider radius decides."""
+ENOUGH = 1e-3
+"""Weight of the surroundings, as a share of the most anywhere, below which the next wider radius decides."""
+EDGE = 0.04
+"""Least squared gradient of an edge, as a share of the greatest."""
+DARKEST = 1 / 64
 HALO = 2
 """Pixels around a speck that its antialiased rim takes."""
 
@@ -60,25 +63,28 @@ def smoothed(grey: Floats, sigma: float) -> Floats:
 def evened(grey: Floats) -> Floats:
     """A picture in uneven light as if it were in even light: about 0 where it is dark for its place, 1 where light.
 
-    The local threshold is the mean grey weighted by the gradient's square, which is the grey half-way across the
-    edges nearby (Kittler, Illingworth and Foeglein, Threshold selection based on a simple image statistic, 1985, made
-    local). Unlike the mean of a window (Sauvola) it does not hollow out shapes that are wider than the window. The
-    levels are then the local means of what is clearly below and above it, so that antialiased edges stay grey.
+    Light multiplies, so that all is reckoned in logarithms. The local threshold is their mean weighted by the
+    gradient's square, which is the grey half-way across the edges nearby (Kittler, Illingworth and Foeglein, Threshold
+    selection based on a simple image statistic, 1985, made local). Unlike the mean of a window (Sauvola) it does not
+    hollow out shapes that are wider than the window. The picture over its threshold is then scaled between the local
+    means of what is clearly below and above, so that antialiased edges stay grey.
     """
     from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
 
-    calm = gaussian_filter(grey, 1.0, mode="nearest")
+    calm = np.log(np.maximum(gaussian_filter(grey, 1.0, mode="nearest"), DARKEST))
     rows, columns = np.gradient(calm)
     weight = rows**2 + columns**2
-    # The noise floor of flat regions must not outvote the edges, for it covers far more pixels.
-    weight = np.maximum(weight - 4 * float(np.median(weight)), 0.0) + 1e-12 * float(weight.max() + 1e-30)
-    level = _local_mean(calm, weight)
-    above = calm > level
+    # What flat regions have of noise must not outvote the edges, for they cover far more pixels.
+    weight = np.where(weight > max(EDGE * float(weight.max()), 8 * float(np.median(weight))), weight, 0.0)
+    if not weight.any():
+        return grey
+    level = np.exp(_local_mean(calm, weight))
+    flat = grey / level
+    above = flat > 1
     edge = maximum_filter(above, 5) != minimum_filter(above, 5)
-    light = _local_mean(grey, np.where(above & ~edge, 1.0, 1e-9))
-    dark = _local_mean(grey, np.where(~above & ~edge, 1.0, 1e-9))
-    contrast = np.maximum(light - dark, max(0.25 * float(np.median(light - dark)), 1e-6))
-    return np.asarray(np.clip((grey - dark) / contrast, 0.0, 1.0))
+    light = _local_mean(flat, (above & ~edge).astype(np.float64))
+    dark = _local_mean(flat, (~above & ~edge).astype(np.float64))
+    return np.asarray(np.clip((flat - dark) / np.maximum(light - dark, 1e-3), 0.0, 1.0))
 
 
 def _local_mean(values: Floats, weight: Floats) -> Floats:
@@ -91,11 +97,10 @@ def _local_mean(values: Floats, weight: Floats) -> Floats:
     step = max(1, -(-max(values.shape) // 256))
     moment, mass = (_shrunk(part, step) for part in (values * weight, weight))
     longest = max(mass.shape)
-    found: Any = np.full(mass.shape, float(moment.sum()) / float(mass.sum()))
-    full = float(mass.max())
+    found: Any = np.full(mass.shape, float(moment.sum()) / max(float(mass.sum()), 1e-300))
     for reach in reversed(REACHES):
         blur = [gaussian_filter(part, reach * longest, mode="constant") for part in (moment, mass)]
-        trust = np.minimum(blur[1] / (ENOUGH * full), 1.0)
+        trust = np.minimum(blur[1] / max(ENOUGH * float(blur[1].max()), 1e-300), 1.0)
         here = np.divide(blur[0], blur[1], out=np.array(found), where=blur[1] > 0)
         found = trust * here + (1 - trust) * found
     if step == 1:
