@@ -123,8 +123,9 @@ def despeckled(target: Floats, pixels: int) -> Floats:
     if pixels == 0:
         return target
     eight = np.ones((3, 3), dtype=np.bool_)
-    filled = 1 - _without_small(1 - target, pixels, None)
-    return _without_small(filled, pixels, eight)
+    ground = 1 - target
+    left = _without_small(ground, pixels, None)
+    return _without_small(np.where(left == ground, target, 1 - left), pixels, eight)
 
 
 def _without_small(target: Floats, pixels: int, structure: NDArray[np.bool_] | None) -> Floats:
@@ -133,6 +134,8 @@ def _without_small(target: Floats, pixels: int, structure: NDArray[np.bool_] | N
     parts, count = label(target > 0.5, structure)
     small = np.bincount(parts.ravel(), minlength=count + 1) < pixels
     small[0] = False
+    if structure is None:  # ground that reaches the border is no pinhole, however little of it there is
+        small[np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]])] = False
     specks = small[parts]
     if not specks.any():
         return target
