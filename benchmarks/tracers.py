@@ -142,11 +142,11 @@ def arc(points: np.ndarray) -> Edge | None:
     z = points[:, 0] + 1j * points[:, 1]
     if np.abs(np.abs(z - centre) - abs(a - centre)).max() > GREEDY:
         return None
-    start, middle, end = (np.angle((p - centre) / (a - centre)) % (2 * np.pi) for p in (a, b, c))
+    middle, end = (np.angle((p - centre) / (a - centre)) % (2 * np.pi) for p in (b, c))
     turn = end if middle <= end else end - 2 * np.pi
     if abs(turn) * abs(a - centre) > 1.2 * np.abs(np.diff(z)).sum() + NEAR:  # around the far side
         return None
-    round_ = centre + (a - centre) * np.exp(1j * np.linspace(start, turn, 33))
+    round_ = centre + (a - centre) * np.exp(1j * np.linspace(0, turn, 33))
     return Edge("arc", np.stack([round_.real, round_.imag], axis=1))
 
 
