@@ -25,6 +25,7 @@ from d4cad.images import Picture, load
 from d4cad.objectives.image import ImageLoss
 from d4cad.outputs import check_output
 from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
+from d4cad.preprocess import is_restless
 from d4cad.program import Floats, Program
 from d4cad.protocols import Grammar
 from d4cad.registry import make_grammar, make_method
@@ -44,10 +45,8 @@ LARGE = 1024
 NOISE_LIKE = 12.0
 """dB below which a picture is not one of an outline: a blank page of two equal levels has 6."""
 
-RESTLESS = 0.15
-"""Share of outvoted pixels above which a picture is noise: white noise has 0.36, a drawing hardly any."""
 PATIENCE = 20.0
-"""Seconds that such a picture has where no time limit is given."""
+"""Seconds that a picture of noise has where no time limit is given."""
 
 Watch = Callable[[Record], None]
 
@@ -260,7 +259,7 @@ def fit_picture(
     canvas = Canvas.for_image(target.shape, AREA_RAMP if ramp is None else ramp)
     model = measured(target, picture.noise) if ramp is None else exact(target, canvas, picture.noise)
     notes = [*picture.notes]
-    if max_time is None and _is_restless(target):
+    if max_time is None and is_restless(target):
         max_time = PATIENCE
         notes.append(f"the picture looks like noise: the search has {max_time:g} s unless a time limit is given")
     fitted: Callable[..., Fit] = fit_coverage
@@ -355,15 +354,6 @@ def fit_coverage(
         },
         target=target,
     )
-
-
-def _is_restless(target: Floats) -> bool:
-    """Whether most of what the middle of a picture shows is single pixels: those that the eight around outvote."""
-    from scipy.ndimage import uniform_filter
-
-    height, width = (max(0, side - 512) // 2 for side in target.shape)
-    inside = target[height : height + 512, width : width + 512] > 0.5
-    return float(np.mean(inside != (uniform_filter(inside.astype(np.float64), 3) > 0.5))) > RESTLESS
 
 
 def _framed(target: Floats) -> Floats:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from d4cad.errors import InputError
-from d4cad.fit import Fit, Watch, fit_picture
+from d4cad.fit import MARGIN, Fit, Watch, fit_picture
 from d4cad.images import Picture, decode
 from d4cad.placement import Placement
 from d4cad.preprocess import despeckled, require_cleaning, smoothed
@@ -107,7 +107,7 @@ def fit_layers(
     margin = any(_touches_border(layer.target) for layer in split)
     for layer in split:
         # Every layer gets the margin that one of them needs, for they share a canvas.
-        target = np.pad(layer.target, 8) if margin else layer.target
+        target = np.pad(layer.target, MARGIN) if margin else layer.target
         picture = Picture(target, read.dpi, 0.0, f"{read.name} {layer.color}", read.notes)
         asked = {"layer": layer.color, "smooth": smooth, "despeckle": despeckle}
         fit = fit_picture(picture, watch=watch, asked=asked, **options)

@@ -21,6 +21,8 @@ ENOUGH = 1e-3
 EDGE = 0.04
 """Least squared gradient of an edge, as a share of the greatest."""
 DARKEST = 1 / 64
+RESTLESS = 0.15
+"""Share of outvoted pixels above which a picture is noise: white noise has 0.36, a drawing hardly any."""
 HALO = 2
 """Pixels around a speck that its antialiased rim takes."""
 
@@ -143,3 +145,12 @@ def _without_small(target: Floats, pixels: int, structure: NDArray[np.bool_] | N
     kept = (parts > 0) & ~specks
     gone = binary_dilation(specks, around, HALO) & ~binary_dilation(kept, around, HALO)
     return np.where(gone | specks, 0.0, target)
+
+
+def is_restless(target: Floats) -> bool:
+    """Whether most of what the middle of a picture shows is single pixels: those that the eight around outvote."""
+    from scipy.ndimage import uniform_filter
+
+    height, width = (max(0, side - 512) // 2 for side in target.shape)
+    inside = target[height : height + 512, width : width + 512] > 0.5
+    return float(np.mean(inside != (uniform_filter(inside.astype(np.float64), 3) > 0.5))) > RESTLESS

@@ -22,7 +22,7 @@ from d4cad.fit import Fit, fit_coverage, fit_image
 from d4cad.images import load
 from d4cad.layers import fit_layers, layers, oklab, together
 from d4cad.placement import Placement
-from d4cad.preprocess import despeckled, evened, require_threshold
+from d4cad.preprocess import despeckled, evened, is_restless, require_threshold
 from d4cad.pyramid import fit_pyramid, shrunk
 from d4cad.sketch import Circle, Loop, Sketch
 
@@ -280,6 +280,8 @@ def test_modes_and_frames(tmp_path: Path) -> None:
 
 def test_pure_noise_ends_and_says_so() -> None:
     noise = np.random.default_rng(3).integers(0, 256, (64, 64)).astype(np.uint8)
+    assert is_restless(noise / 255.0)
+    assert not is_restless(drawn(PLATE))
     fit = fit_image(noise, max_time=0.5)
     assert fit.wall < 5
     assert any("is it noise" in note for note in fit.settings["notes"])
