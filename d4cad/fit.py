@@ -22,10 +22,11 @@ from d4cad.edgemodel import exact, measured
 from d4cad.errors import ExportError, GeometryError, InputError
 from d4cad.exporters import preview
 from d4cad.exporters.svg import svg
-from d4cad.images import load
+from d4cad.images import Picture, load
 from d4cad.objectives.image import ImageLoss
 from d4cad.outputs import check_output
 from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
+from d4cad.preprocess import is_restless
 from d4cad.program import Floats, Program
 from d4cad.protocols import Grammar, Tracer
 from d4cad.registry import make_grammar, make_method
@@ -46,6 +47,15 @@ MOST_SNAPPED = 500
 
 STARTS = ("contour", "axiom")
 """Ways to begin without a program."""
+
+LARGE = 1024
+"""Pixels along a picture's longer side above which a coarse picture comes first."""
+
+NOISE_LIKE = 12.0
+"""dB below which a picture is not one of an outline: a blank page of two equal levels has 6."""
+
+PATIENCE = 20.0
+"""Seconds that a picture of noise has where no time limit is given."""
 
 Watch = Callable[[Record], None]
 
@@ -143,7 +153,8 @@ class Fit:
         **options: Any,
     ) -> None:
         """Write what the extension says: .json the program file, .step .stp .brep .stl .3mf .glb a solid of
-        ``thickness`` mm, .py .scad its source code, .dxf .svg a drawing of the outline, .png a preview.
+        ``thickness`` mm, .py .scad its source code, .dxf .svg a drawing of the outline, .png a preview, .html a
+        report.
 
         Size and origin as for :meth:`sketch`. options: name, color, kerf, form and all else in
         :class:`exporters.Options`, as far as the format takes them. Raises InputError for a bad value, ExportError if
@@ -157,6 +168,11 @@ class Fit:
         suffix = path.suffix.lower()
         if suffix == ".png":
             self.write_preview(path)
+            return
+        if suffix == ".html":
+            from d4cad.reporting import write_page
+
+            write_page(self, path, placement)
             return
         sketch = placement.place(self.outline, self.canvas)
         if suffix == ".json":
@@ -217,36 +233,73 @@ def fit_image(
     init: str | PathLike[str] | Fit | None = None,
     seed: int = 0,
     max_time: float | None = None,
-    threshold: float | None = None,
+    threshold: str | float | None = None,
     invert: bool = False,
     watch: Watch | None = None,
     ramp: float | None = None,
     snap: bool | None = None,
     size: Placement | None = None,
+    smooth: float = 0.0,
+    despeckle: int = 0,
 ) -> Fit:
     """Fit a program to a picture.
 
     image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". init:
     "contour", the picture's traced outline; "axiom", the grammar's own start; or a program file or fit to go on from.
     None is the contour for method "fast", if the grammar can draw it, and the axiom for "paper". max_time: seconds.
-    threshold: grey level in [0, 1] that makes the picture binary. invert: exchange shape and ground. watch: called with
-    a Record after every round. ramp: half-width in pixels of the picture's edges; None measures it, 1/sqrt(2) is the
-    paper's exact raster. snap: make relations exact that the picture makes likely (:mod:`d4cad.regularize`); None:
-    unless the method is "paper". size: of the part, if known: sizes in mm may be made round then. Raises InputError for
-    what cannot be used. Ctrl-C ends the search with the best program so far.
+    threshold, invert, smooth, despeckle: as :func:`d4cad.images.load` has them. watch: called with a Record after every
+    round. ramp: half-width in pixels of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster.
+    snap: make relations exact that the picture makes likely (:mod:`d4cad.regularize`); None: unless the method is
+    "paper". size: of the part, if known: sizes in mm may be made round then. A picture of more than 1024 pixels a side
+    is fitted at a coarse scale first, see :func:`d4cad.pyramid.fit_pyramid`. Raises InputError for what cannot be used.
+    Ctrl-C ends the search with the best program so far.
     """
     _check_request(seed, max_time, ramp)
     start = _start(init, grammar)
-    picture = load(image, threshold=threshold, invert=invert)
+    picture = load(image, threshold=threshold, invert=invert, smooth=smooth, despeckle=despeckle)
+    asked = {"threshold": threshold, "invert": invert, "smooth": smooth, "despeckle": despeckle}
+    return fit_picture(
+        picture, method=method, grammar=grammar, init=start, seed=seed, max_time=max_time, watch=watch, ramp=ramp,
+        snap=snap, size=size, asked=asked,
+    )  # fmt: skip
+
+
+def fit_picture(
+    picture: Picture,
+    *,
+    method: str = "fast",
+    grammar: str = "arc-line",
+    init: str | Fit | None = None,
+    seed: int = 0,
+    max_time: float | None = None,
+    watch: Watch | None = None,
+    ramp: float | None = None,
+    snap: bool | None = None,
+    size: Placement | None = None,
+    asked: Mapping[str, Any] | None = None,
+) -> Fit:
+    """Fit a program to a picture that is loaded; ``asked``: settings of its loading for the record.
+
+    The rest as for :func:`fit_image`.
+    """
     target = _framed(picture.target)
     canvas = Canvas.for_image(target.shape, AREA if ramp is None else ramp)
     model = measured(target, picture.noise) if ramp is None else exact(target, canvas, picture.noise)
-    fit = fit_coverage(
+    notes = [*picture.notes]
+    if max_time is None and is_restless(target):
+        max_time = PATIENCE
+        notes.append(f"the picture looks like noise: the search has {max_time:g} s unless a time limit is given")
+    fitted: Callable[..., Fit] = fit_coverage
+    if init is None and method == "fast" and max(canvas.shape) > LARGE:
+        from d4cad.pyramid import fit_pyramid
+
+        fitted = fit_pyramid
+    fit = fitted(
         target,
         canvas.with_ramp(model.ramp),
         method=method,
         grammar=grammar,
-        init=start,
+        init=init,
         seed=seed,
         max_time=max_time,
         watch=watch,
@@ -256,8 +309,10 @@ def fit_image(
         snap=snap,
         size=size,
     )
-    asked = {"picture": picture.name, "threshold": threshold, "invert": invert}
-    return replace(fit, settings={**asked, **fit.settings}, made=Placement(dpi=picture.dpi))
+    if fit.psnr < NOISE_LIKE:
+        notes.append(f"the outline explains little of the picture ({fit.psnr:.1f} dB): is it noise or shaded?")
+    settings = {"picture": picture.name, **(asked or {}), **fit.settings, **({"notes": notes} if notes else {})}
+    return replace(fit, settings=settings, made=Placement(dpi=picture.dpi))
 
 
 def fit_coverage(
@@ -315,7 +370,7 @@ def fit_coverage(
         inf if max_time is None else max_time,
     )
     cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
-    program = _drawable(language, [*seen, found.program])
+    program = _drawable(language, [language.axiom(canvas), *seen, found.program])
     error = float(np.mean((language.rasterize(program, canvas).coverage - target) ** 2))
     fit = Fit(
         program=program,
@@ -333,6 +388,7 @@ def fit_coverage(
             "init": start if isinstance(start, str) else "program",
             "max_time": max_time,
             "snap": snap,
+            "floor": floor,
         },
         target=target,
         start_psnr=decibels(float(np.mean((language.rasterize(first, canvas).coverage - target) ** 2))),
@@ -396,7 +452,8 @@ def _framed(target: Floats) -> Floats:
 def _drawable(grammar: Grammar[Any], programs: Sequence[Program[Any]]) -> Program[Any]:
     """The last program whose outline bounds a region, or the first one, which does.
 
-    A program on its way may fold back on itself where Ctrl-C or the time limit ended the search.
+    A program on its way, or a contour traced in noise, may fold back on itself where Ctrl-C or the time limit ended the
+    search.
     """
     return next((program for program in reversed(programs[1:]) if _bounds_a_region(grammar, program)), programs[0])
 

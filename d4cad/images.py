@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from d4cad.errors import InputError
+from d4cad.preprocess import ADAPTIVE, AUTO, OTSU, despeckled, evened, require_cleaning, require_threshold, smoothed
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
 Floats = NDArray[np.float64]
 
-FORMATS = ("PNG", "JPEG", "BMP", "TIFF", "WEBP")
+FORMATS = ("PNG", "JPEG", "BMP", "TIFF", "WEBP", "GIF")
 MAX_PIXELS = 50_000_000
 MIN_SIDE = 8
 
@@ -40,6 +41,9 @@ BROKEN = (
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Rec. 709 weights of red, green and blue."""
 
+BINS = 256
+"""Of the histogram of grey levels."""
+
 MIN_CONTRAST = 0.04
 """Smallest difference of the two levels, of full scale, that counts as a shape: 10 of 255."""
 
@@ -53,22 +57,40 @@ class Picture:
     ``noise``: estimated standard deviation of the noise in the units of ``target``, measured in flat
     regions before clipping; 0 for a clean or thresholded picture.
     ``name``: the file's name, or "array".
+    ``notes``: what was assumed about it, a sentence each.
     """
 
     target: Floats
     dpi: float | None
     noise: float
     name: str
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pixels:
+    """A decoded picture before anything is made of it.
+
+    ``values``: (H, W) grey or (H, W, 2 to 4) colour in [0, 1], top row first. ``dpi``, ``name``, ``notes``: as
+    :class:`Picture` has them.
+    """
+
+    values: Floats
+    dpi: float | None
+    name: str
+    notes: tuple[str, ...] = ()
 
 
 def load(
     source: str | os.PathLike[str] | NDArray[Any],
     *,
-    threshold: float | None = None,
+    threshold: str | float | None = None,
     invert: bool = False,
     max_pixels: int = MAX_PIXELS,
+    smooth: float = 0.0,
+    despeckle: int = 0,
 ) -> Picture:
-    """Read a PNG, JPEG, BMP, TIFF or WebP file, or take an array, as the coverage of a shape.
+    """Read a PNG, JPEG, BMP, TIFF, WebP or GIF file, or take an array, as the coverage of a shape.
 
     An array is a picture: row 0 is its top row. It is (H, W) grey or (H, W, C) with C = 1 grey, 2 grey and
     alpha, 3 RGB, 4 RGBA; bool, integers (0..1, 0..255 or 0..65535) or floats in [0, 1].
@@ -77,47 +99,57 @@ def load(
     read instead, and what is opaque is the shape. Otherwise the background is what most of the border is,
     and the shape is the other level. ``invert`` exchanges the two.
 
-    ``threshold``: None keeps antialiased grey: the two dominating levels become 0 and 1, the rest is scaled
-    between them and clipped. A number in [0, 1] makes the picture binary at that grey level.
+    ``threshold``: None or "auto" keeps antialiased grey: the two dominating levels become 0 and 1, the rest is scaled
+    between them and clipped. "adaptive" does so after the light is evened out, for photographs. "otsu", or a number
+    in [0, 1], makes the picture binary at that grey level. ``smooth``: standard deviation in pixels of a Gaussian
+    blur that comes first. ``despeckle``: specks and pinholes of fewer pixels go.
     ``max_pixels``: a larger picture is refused before its pixels are decoded.
 
     Raises :class:`InputError` for anything that is not a picture of two levels.
     """
-    if threshold is not None and not 0 <= threshold <= 1:
-        raise InputError(f"expected a threshold between 0 and 1, got {threshold}")
-    if isinstance(source, np.ndarray):
-        name, dpi = "array", None
-        _check_size(source.shape, max_pixels, name)
-        grey, has_alpha = _grey(_unit_array(source), name)
-    elif isinstance(source, str | os.PathLike):
-        path = Path(source)
-        name = path.name
-        pixels, dpi = _read(path, max_pixels)
-        grey, has_alpha = _grey(pixels, name)
-    else:
-        raise InputError(f"expected the path of a picture or an array, got {type(source).__name__}")
+    cut = require_threshold(threshold)
+    require_cleaning(despeckle, smooth)
+    read = decode(source, max_pixels=max_pixels)
+    name = read.name
+    grey, has_alpha = _grey(read.values, name)
+    plain = evened(grey) if cut == ADAPTIVE else grey
+    grey = smoothed(plain, smooth)
 
     dark, light = _levels(grey, name)
-    if threshold is None:
-        scaled = (grey - dark) / (light - dark)
-        noise = _noise(scaled)
-        target = np.clip(scaled, 0, 1)
+    if cut in (AUTO, ADAPTIVE):
+        # Measured before the blur: afterwards neighbours share the noise, and outlines follow it all the same.
+        noise = _noise((plain - dark) / (light - dark))
+        target = np.clip((grey - dark) / (light - dark), 0, 1)
     else:
-        target, noise = (grey > threshold).astype(np.float64), 0.0
+        level = float(np.nextafter(_otsu(_histogram(grey)) / BINS, 0)) if cut == OTSU else float(cut)
+        target, noise = (grey > level).astype(np.float64), 0.0
         if target.min() == target.max():
             side = "above" if target.max() else "at or below"
             raise InputError(
                 f"expected a threshold between the levels {dark:.2f} and {light:.2f} of {name}, "
-                f"but all of it is {side} {threshold}"
+                f"but all of it is {side} {level:g}"
             )
     background_is_light = not has_alpha and _border_is_light(target)
     if background_is_light != invert:
         target = 1 - target
-    return Picture(np.ascontiguousarray(target[::-1]), dpi, noise, name)
+    target = despeckled(target, despeckle)
+    if despeckle and not (target > 0.5).any():
+        raise InputError(f"expected a shape of {despeckle} or more pixels, but {name} has only smaller specks")
+    return Picture(np.ascontiguousarray(target[::-1]), read.dpi, noise, name, read.notes)
 
 
-def _read(path: Path, max_pixels: int) -> tuple[Floats, float | None]:
-    """Decode a file to (H, W) or (H, W, C) values in [0, 1], top row first, and its resolution."""
+def decode(source: str | os.PathLike[str] | NDArray[Any], *, max_pixels: int = MAX_PIXELS) -> Pixels:
+    """The values of a file or an array as :func:`load` takes it. Raises InputError for what is no picture."""
+    if isinstance(source, np.ndarray):
+        _check_size(source.shape, max_pixels, "array")
+        return Pixels(_unit_array(source), None, "array")
+    if isinstance(source, str | os.PathLike):
+        return _read(Path(source), max_pixels)
+    raise InputError(f"expected the path of a picture or an array, got {type(source).__name__}")
+
+
+def _read(path: Path, max_pixels: int) -> Pixels:
+    """Decode a file; of several frames or pages the first."""
     from PIL import Image, ImageOps, UnidentifiedImageError
 
     if path.is_dir():
@@ -128,6 +160,7 @@ def _read(path: Path, max_pixels: int) -> tuple[Floats, float | None]:
             warnings.simplefilter("ignore")
             with Image.open(path, formats=FORMATS) as image:
                 _check_size((image.height, image.width), max_pixels, path.name)
+                frames = int(getattr(image, "n_frames", 1))
                 image.load()
                 upright, dpi = ImageOps.exif_transpose(image), _resolution(image)
     except InputError:
@@ -139,10 +172,11 @@ def _read(path: Path, max_pixels: int) -> tuple[Floats, float | None]:
     except Image.DecompressionBombError:
         raise InputError(_too_large(max_pixels, "far more", path.name)) from None
     except UnidentifiedImageError:
-        raise InputError(f"expected a PNG, JPEG, BMP, TIFF or WebP picture, but {path} is none of these") from None
+        raise InputError(f"expected a PNG, JPEG, BMP, TIFF, WebP or GIF picture, but {path} is none of these") from None
     except BROKEN as error:
         raise InputError(f"expected a complete picture, but {path} is damaged or cut short ({error})") from None
-    return _pixels(upright, path.name), dpi
+    notes = (f"{path.name} has {frames} frames or pages: the first is used",) if frames > 1 else ()
+    return Pixels(_pixels(upright, path.name), dpi, path.name, notes)
 
 
 def _resolution(image: Image) -> float | None:
@@ -225,17 +259,20 @@ def _grey(pixels: Floats, name: str) -> tuple[Floats, bool]:
 
 def _levels(grey: Floats, name: str) -> tuple[float, float]:
     """The two dominating grey levels (dark, light): the modes on both sides of Otsu's threshold."""
-    bins = 256
-    counts = np.bincount(np.minimum((grey * bins).astype(np.int64), bins - 1).ravel(), minlength=bins)
+    counts = _histogram(grey)
     split = _otsu(counts)
     dark = _mode(grey, counts, 0, split)
-    light = _mode(grey, counts, split, bins)
+    light = _mode(grey, counts, split, BINS)
     if light - dark < MIN_CONTRAST:
         raise InputError(
             f"expected a dark shape on light ground or the reverse, but {name} has no contrast: "
             f"its grey levels are {dark:.2f} and {light:.2f} of 1"
         )
     return dark, light
+
+
+def _histogram(grey: Floats) -> NDArray[np.int64]:
+    return np.bincount(np.minimum((grey * BINS).astype(np.int64), BINS - 1).ravel(), minlength=BINS)
 
 
 def _otsu(counts: NDArray[np.int64]) -> int:

@@ -9,7 +9,9 @@ from d4cad.errors import ExportError, InputError
 from d4cad.files import check_writable
 from d4cad.placement import DEFAULT_THICKNESS
 
-EXTENSIONS = (".json", ".png", *exporters.EXTENSIONS)
+OWN = (".json", ".png", ".html")
+"""Those that say more than the outline: the program, a preview, a report."""
+EXTENSIONS = (*OWN, *exporters.EXTENSIONS)
 SOLIDS = tuple(extension for extension, writer in exporters.WRITERS.items() if writer.solid)
 
 
@@ -22,9 +24,10 @@ def check_output(path: Path, *, has_picture: bool, options: exporters.Options | 
     suffix = path.suffix.lower()
     if suffix not in EXTENSIONS:
         raise ExportError(f"cannot write {path}: known extensions are {' '.join(EXTENSIONS)}, got {suffix or 'none'}")
-    if suffix == ".png" and not has_picture:
-        raise ExportError(f"cannot write {path}: a preview needs the picture, and a program file has none")
-    if suffix not in (".json", ".png"):
+    if suffix in (".png", ".html") and not has_picture:
+        kind = "preview" if suffix == ".png" else "report"
+        raise ExportError(f"cannot write {path}: a {kind} needs the picture, and a program file has none")
+    if suffix not in OWN:
         exporters.check(path, thickness=DEFAULT_THICKNESS, options=options)
         return
     if options is not None and options.given:

@@ -102,10 +102,10 @@ def reduced(
     return Reduction(path.name, drawing.sketch, after, drawing.segments, within, apart, seconds, drawing.notes)
 
 
-def length(value: str | float, pixel: float) -> float:
+def length(value: str | float, pixel: float, name: str = "tolerance") -> float:
     """A length in mm from a number of mm or text such as 0.05, 0.05mm, 0.002in or 2px; ``pixel``: mm.
 
-    Raises InputError for anything else and for lengths that are not positive.
+    ``name``: what errors call it. Raises InputError for anything else and for lengths that are not positive.
     """
     found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*(mm|cm|in|px|)\s*", str(value))
     try:
@@ -114,7 +114,7 @@ def length(value: str | float, pixel: float) -> float:
         number = float("nan")
     size = number * (pixel if found and found[2] == "px" else UNITS[found[2]]) if found else number
     if not (isfinite(size) and size > 0):
-        raise InputError(f"the tolerance must be a positive length such as 0.05mm, 0.002in or 2px, got {value!r}")
+        raise InputError(f"the {name} must be a positive length such as 0.05mm, 0.002in or 2px, got {value!r}")
     return size
 
 

@@ -38,6 +38,7 @@ def summary(fit: Fit, placement: Placement, files: Sequence[Path]) -> dict[str, 
         "faces": len(sketch.faces),
         "holes": sum(len(face.holes) for face in sketch.faces),
         "psnr": fit.psnr,
+        "fidelity": _fidelity(fit, placement),
         "size_mm": [xmax - xmin, ymax - ymin],
         "area_mm2": sketch.area,
         "stop": fit.stop.name.lower(),
@@ -68,6 +69,15 @@ def snap_facts(snap: Snap, pixel: float, factor: float) -> dict[str, Any]:
     }
 
 
+def _fidelity(fit: Fit, placement: Placement) -> dict[str, Any] | None:
+    """Distances from the picture's edge and warnings; None without a picture or an edge."""
+    if fit.target is None or not (fit.target > 0.5).any():
+        return None
+    from d4cad.reporting import fidelity
+
+    return fidelity(fit, placement)[0].facts()
+
+
 def text(facts: dict[str, Any]) -> str:
     """The facts for people, a few lines."""
     width, height = facts["size_mm"]
@@ -75,13 +85,23 @@ def text(facts: dict[str, Any]) -> str:
     quality = f", {facts['psnr']:.1f} dB" if fitted else ""
     lines = [
         f"{_count(facts['primitives'], 'primitive')} ({kinds(facts)}){quality}",
-        f"{width:.6g} x {height:.6g} mm",
+        f"{width:.6g} x {height:.6g} mm{_off(facts['fidelity'])}",
         *_snapped(facts["snap"]),
         *([f"stopped after {facts['wall_s']:.2f} s: {facts['stop_reason']}"] if fitted else []),
+        *(f"warning: {warning}" for warning in (facts["fidelity"] or {}).get("warnings", ())),
         *(f"note: {note}" for note in facts["notes"]),
         *(f"wrote {path}" for path in facts["files"]),
     ]
     return "\n".join(lines)
+
+
+def _off(fidelity: dict[str, Any] | None) -> str:
+    if fidelity is None:
+        return ""
+    return (
+        f", at most {fidelity['largest_px']:.2g} px ({fidelity['largest_mm']:.2g} mm) off the picture's edge, "
+        f"{fidelity['mean_px']:.2g} px on average"
+    )
 
 
 def kinds(facts: dict[str, Any]) -> str:

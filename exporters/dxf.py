@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from d4cad.exporters.color import Rgb
 from d4cad.exporters.kerf import compensated
 from d4cad.exporters.occ import require_mm
 from d4cad.files import replacing
@@ -53,6 +54,26 @@ def dxf(sketch: Sketch) -> str:
         xmin, ymin, xmax, ymax = sketch.bounds
         space.reset_extents((xmin, ymin, 0), (xmax, ymax, 0))
         document.set_modelspace_vport(1.1 * max(ymax - ymin, xmax - xmin), ((xmin + xmax) / 2, (ymin + ymax) / 2))
+        stream = StringIO()
+        document.write(stream)
+    return stream.getvalue()
+
+
+def layered_dxf(layers: Sequence[tuple[str, Rgb, Sketch]]) -> str:
+    """The text of a drawing of several sketches in mm, each on the layer of its name in its true colour."""
+    ezdxf = import_module("ezdxf")
+    with _undated():
+        document = ezdxf.new(VERSION, units=MILLIMETRES)
+        space = document.modelspace()
+        for name, color, sketch in layers:
+            red, green, blue = color
+            document.layers.add(name, true_color=red << 16 | green << 8 | blue)
+            for face in sketch.faces:
+                for loop in (*face.holes, face.outer):
+                    _add(space, loop, name)
+        boxes = [sketch.bounds for _, _, sketch in layers]
+        low, high = [min(b[k] for b in boxes) for k in (0, 1)], [max(b[k] for b in boxes) for k in (2, 3)]
+        space.reset_extents((*low, 0), (*high, 0))
         stream = StringIO()
         document.write(stream)
     return stream.getvalue()

@@ -51,7 +51,8 @@ ALLOWED: dict[str, set[str]] = {
     "descent": {"interrupts", "canvas", "errors", "program", "protocols"},
     "estimators": {"canvas", "errors", "program", "protocols"},
     "steppers": {"canvas", "errors", "program", "protocols"},
-    "images": {"errors"},
+    "images": {"errors", "preprocess"},
+    "preprocess": {"errors"},
     "outlines": GEOMETRY,
     "shapes": GEOMETRY | {"outlines"},
 }
