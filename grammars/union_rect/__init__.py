@@ -1,0 +1,1 @@
+"""The Union-Rect grammar."""
