@@ -29,6 +29,7 @@ def summary(fit: Fit, placement: Placement, files: Sequence[Path]) -> dict[str, 
         "grammar": fit.grammar.name,
         "method": fit.settings.get("method"),
         "seed": fit.settings.get("seed"),
+        "counted": fit.counted or "primitive",
         "primitives": fit.primitives,
         **census(sketch),
         "faces": len(sketch.faces),
@@ -53,7 +54,7 @@ def text(facts: dict[str, Any]) -> str:
         kinds[-1] += " of 2 arcs"
     width, height = facts["size_mm"]
     lines = [
-        f"{_count(facts['primitives'], 'primitive')} ({', '.join(kinds)}), {facts['psnr']:.1f} dB",
+        f"{_count(facts['primitives'], facts['counted'])} ({', '.join(kinds)}), {facts['psnr']:.1f} dB",
         f"{width:.6g} x {height:.6g} mm",
         f"stopped after {facts['wall_s']:.2f} s: {facts['stop_reason']}",
         *(f"note: {note}" for note in facts["notes"]),

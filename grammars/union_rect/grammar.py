@@ -16,7 +16,7 @@ from d4cad.grammars.union_rect.places import DemandPlaces, Places
 from d4cad.grammars.union_rect.raster import scan, slopes
 from d4cad.grammars.union_rect.repair import repair
 from d4cad.grammars.union_rect.rules import Exchange, add, hole, merge, merge_gain, remove, split, touching
-from d4cad.grammars.union_rect.structure import NUMBERS, Structure, program_of, rectangles, to_pixels, to_world
+from d4cad.grammars.union_rect.structure import NUMBERS, Structure, program_of, rects_of, to_pixels, to_world
 from d4cad.grammars.union_rect.trials import trial
 from d4cad.program import Edit, Floats, Program, Rewrite
 from d4cad.protocols import Trial
@@ -46,7 +46,7 @@ class UnionRect:
     merge_limit: float = np.inf
     remove_limit: float = np.inf
     least: float = 0.75
-    lap: float = 3.0
+    lap: float = 4.0
     nearby: int = 3
 
     @property
@@ -69,12 +69,12 @@ class UnionRect:
 
     def growth(self, program: Program[Structure], rewrite: Rewrite) -> float:
         """Change of the number of rectangles."""
-        exchange = self.exchange(rectangles(program), rewrite)
+        exchange = self.exchange(rects_of(program), rewrite)
         return len(exchange.new) - len(exchange.gone)
 
     def rasterize(self, program: Program[Structure], canvas: Canvas) -> Band:
         """Coverage and its derivative by the program's parameters."""
-        rects = _on(rectangles(program), canvas)
+        rects = _on(rects_of(program), canvas)
         band = scan(rects, 0, canvas.height, 0, canvas.width, canvas.ramp)
         rect, slope, *twins = slopes(rects, band, canvas.ramp, 1 / canvas.pixel)
         size = program.structure.size
@@ -86,7 +86,7 @@ class UnionRect:
         """The same union without rectangles or parts of them that others cover."""
         if not np.isfinite(program.params).all():
             raise GrammarError("a Union-Rect program needs finite parameters, got NaN or infinity")
-        rects = rectangles(program)
+        rects = rects_of(program)
         kept, origin, changed = repair(to_pixels(rects, 1 / self.pixel), self.least, self.lap)
         if not changed and np.array_equal(rects.ravel(), program.params):
             return Edit(program, np.arange(program.structure.size))
@@ -97,7 +97,7 @@ class UnionRect:
         self, program: Program[Structure], demand: Floats, canvas: Canvas, rng: np.random.Generator
     ) -> list[Rewrite]:
         """All rewrites of the enabled rules whose guards allow them."""
-        rects = rectangles(program)
+        rects = rects_of(program)
         count = len(rects)
         found = []
         for rule in ("split-h", "split-v"):
@@ -135,7 +135,7 @@ class UnionRect:
 
         If nothing would remain the program is returned unchanged.
         """
-        rects = rectangles(program)
+        rects = rects_of(program)
         origin = np.arange(len(rects))
         alive = np.ones(len(rects), np.bool_)
         late = [r for r in rewrites if r.fit is None and r.rule in ("add-hole", "add-rect")]
@@ -168,7 +168,7 @@ class UnionRect:
         steps: int,
     ) -> list[Trial]:
         """Each rewrite with the rectangles that at most ``steps`` local steps find for it, and what it gains."""
-        world = rectangles(program)
+        world = rects_of(program)
         rects = _on(world, canvas)
         picture = Picture(loss.table.target, loss.table.runs, loss.table.squares)
         found = []
@@ -198,11 +198,11 @@ class UnionRect:
 
     def outline(self, program: Program[Structure]) -> Sketch:
         """The boundary of the union as an exact sketch in world units."""
-        return union(rectangles(program), self.pixel)
+        return union(rects_of(program), self.pixel)
 
-    def separate(self, program: Program[Structure]) -> tuple[Sketch, ...]:
-        """Every rectangle as a sketch of its own, in world units."""
-        return separate(rectangles(program))
+    def rectangles(self, program: Program[Structure]) -> tuple[Sketch, ...]:
+        """Every rectangle as a sketch of its own, in world units; they lap over each other."""
+        return separate(rects_of(program))
 
     def encode(self, structure: Structure) -> Any:
         """The number of rectangles."""

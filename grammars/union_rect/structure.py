@@ -29,7 +29,7 @@ class Structure:
         return NUMBERS * self.count
 
 
-def rectangles(program: Program[Structure]) -> Floats:
+def rects_of(program: Program[Structure]) -> Floats:
     """The rectangles, (n, 5) in world units and radians; half-sizes below 0 count as 0."""
     rects = program.params.reshape(program.structure.count, NUMBERS).copy()
     rects[:, 2:4] = np.maximum(rects[:, 2:4], 0.0)
@@ -83,3 +83,10 @@ def part(rect: Floats, u0: float, u1: float, v0: float, v1: float) -> Floats:
     """The rectangle [u0, u1] x [v0, v1] in the local coordinates of another one."""
     x, y = from_local(rect, (u0 + u1) / 2, (v0 + v1) / 2)
     return np.array([x, y, (u1 - u0) / 2, (v1 - v0) / 2, rect[4]])
+
+
+def angle_metric(program: Program[Structure]) -> Floats:
+    """Steps (n,) per unit of gradient that amount to the paper's, which moves angle / pi (SPEC 2, "Scaling")."""
+    metric = np.ones(program.structure.size)
+    metric[4::NUMBERS] = np.pi**2
+    return metric

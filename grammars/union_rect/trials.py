@@ -51,7 +51,10 @@ def _seen(rects: Floats, window: Window, ramp: float) -> Floats:
         c, s = abs(math.cos(rects[k, 4])), abs(math.sin(rects[k, 4]))
         wide, tall = rects[k, 2] * c + rects[k, 3] * s + ramp, rects[k, 2] * s + rects[k, 3] * c + ramp
         keep[k] = (
-            rects[k, 0] - wide <= c1 and rects[k, 0] + wide >= c0 and rects[k, 1] - tall <= r1 and rects[k, 1] + tall >= r0
+            rects[k, 0] - wide <= c1
+            and rects[k, 0] + wide >= c0
+            and rects[k, 1] - tall <= r1
+            and rects[k, 1] + tall >= r0
         )
     return rects[keep]
 
