@@ -71,7 +71,7 @@ class Fit:
 
     @property
     def primitives(self) -> int:
-        """Number of what the grammar counts; by default of lines and arcs of the outline, a full circle counting two."""
+        """Number of what the grammar counts, or else of lines and arcs of the outline, a full circle counting two."""
         return self.outline.primitives if self.counted is None else self.grammar.primitives(self.program)
 
     @property
@@ -204,9 +204,10 @@ def fit_image(
     """Fit a program to a picture.
 
     image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". variant: a named
-    subset of the grammar's rewrites, None for all that the method uses. init: "axiom", or a program file or fit to go on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture
-    binary. invert: exchange shape and ground. watch: called with a Record after every round. ramp: half-width in pixels
-    of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster.
+    subset of the grammar's rewrites, None for all that the method uses. init: "axiom", or a program file or fit to go
+    on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture binary. invert: exchange shape and
+    ground. watch: called with a Record after every round. ramp: half-width in pixels of the picture's edges; None
+    measures it, 1/sqrt(2) is the paper's exact raster.
     Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
     """
     _check_request(seed, max_time, ramp)

@@ -131,7 +131,7 @@ class UnionRect:
         return add(np.array(data)) if rewrite.rule == "add-rect" else hole(rects, np.array(data))
 
     def apply(self, program: Program[Structure], rewrites: Sequence[Rewrite]) -> Edit[Structure]:
-        """Apply rewrites at disjoint sites; holes after the others, on what those leave, then new rectangles (SPEC 4.4).
+        """Apply rewrites at disjoint sites; then holes in what those leave, then new rectangles (SPEC 4.4).
 
         If nothing would remain the program is returned unchanged.
         """

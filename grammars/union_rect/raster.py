@@ -76,9 +76,9 @@ def scan(rects: Floats, r0: int, r1: int, c0: int, c1: int, ramp: float) -> Rows
     rects: (n, 5); ramp: half-width of the ramp in pixels.
 
     Returns (row, col, cover, wound, part, where, spans, parts, places): row, col (m,) int32: the pixels nearer than
-    ``ramp`` to the boundary; cover (m,): their coverage 1/2 - d / (2 ramp); wound (m,) uint8: 1 inside; part (m,) int32:
-    the nearest free part; where (m,) uint8: what of it; spans (k, 3) int64: row, first and past-the-last column of runs
-    of inside pixels; parts, places: as `free_parts` returns them.
+    ``ramp`` to the boundary; cover (m,): their coverage 1/2 - d / (2 ramp); wound (m,) uint8: 1 inside; part (m,)
+    int32: the nearest free part; where (m,) uint8: what of it; spans (k, 3) int64: row, first and past-the-last column
+    of runs of inside pixels; parts, places: as `free_parts` returns them.
     """
     frame = frames(rects)
     parts, places = free_parts(rects, frame, -1, -1, True)
@@ -211,7 +211,8 @@ def slopes(rects: Floats, band: Rows, ramp: float, unit: float) -> tuple[Any, ..
 
     Returns (rect, slope, twin, twin_rect, twin_slope): rect (m,) int32 and slope (m, 5): the rectangle nearest to each
     pixel and the derivative by its numbers; twin (k,) int64: the pixels that are nearest to a corner where the sides of
-    two rectangles cross; twin_rect (k,), twin_slope (k, 5): the other rectangle there and the derivative by its numbers.
+    two rectangles cross; twin_rect (k,), twin_slope (k, 5): the other rectangle there and the derivative by its
+    numbers.
 
     By the envelope theorem only the motion of the nearest point q counts: at a side its outward speed, and at a corner
     between sides a and b, which q must stay on, with w = A n_a + B n_b the unit vector from q to the pixel, the speed

@@ -121,7 +121,7 @@ def free_parts(rects: Floats, frame: Floats, only: int, skip: int, outside: bool
             continue
         others = 0
         for j in range(n):
-            if j == i or j == skip:
+            if j in (i, skip):
                 continue
             reach = frame[i, 2] + frame[j, 2] + 1.0
             if (rects[i, 0] - rects[j, 0]) ** 2 + (rects[i, 1] - rects[j, 1]) ** 2 <= reach * reach:

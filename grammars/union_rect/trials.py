@@ -1,10 +1,9 @@
-"""Trials of rewrites, compiled: the rectangles that a rewrite makes are fitted by a few Levenberg-Marquardt steps inside
-the window that it can change, all others at rest. All in pixels."""
+"""Trials of rewrites, compiled: the rectangles that a rewrite makes are fitted by a few Levenberg-Marquardt steps
+inside the window that it can change, all others at rest. All in pixels."""
 
 from __future__ import annotations
 
 import math
-
 
 import numba as nb
 import numpy as np
@@ -121,7 +120,7 @@ def _descend(
 def trial(
     rects: Floats, gone: Ints, new: Floats, cost: float, picture: Picture, ramp: float, steps: int
 ) -> tuple[float, Floats]:
-    """What exchanging rectangles gains, the decrease of the squared error less ``cost``, and the fitted new ones (k, 5).
+    """What an exchange gains, the decrease of the squared error less ``cost``, and the fitted new rectangles (k, 5).
 
     rects: (n, 5) the base; gone: (g,) numbers of those that go; new: (k, 5) those that come, as first guesses.
     """
