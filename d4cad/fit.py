@@ -65,9 +65,14 @@ class Fit:
     target: Floats | None = None
 
     @property
+    def counted(self) -> str | None:
+        """What the grammar counts, such as "rectangle"; None where the outline's edges count."""
+        return entry(self.grammar.name).counted
+
+    @property
     def primitives(self) -> int:
-        """Number of lines and arcs of the outline, a full circle counting two."""
-        return self.outline.primitives
+        """Number of what the grammar counts, or else of lines and arcs of the outline, a full circle counting two."""
+        return self.outline.primitives if self.counted is None else self.grammar.primitives(self.program)
 
     @property
     def coverage(self) -> Floats:
@@ -194,6 +199,7 @@ def fit_image(
     *,
     method: str = "fast",
     grammar: str = "arc-line",
+    variant: str | None = None,
     init: str | PathLike[str] | Fit = "axiom",
     seed: int = 0,
     max_time: float | None = None,
@@ -204,10 +210,11 @@ def fit_image(
 ) -> Fit:
     """Fit a program to a picture.
 
-    image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". init: "axiom",
-    or a program file or fit to go on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture
-    binary. invert: exchange shape and ground. watch: called with a Record after every round. ramp: half-width in pixels
-    of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster.
+    image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". variant: a named
+    subset of the grammar's rewrites, None for all that the method uses. init: "axiom", or a program file or fit to go
+    on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture binary. invert: exchange shape and
+    ground. watch: called with a Record after every round. ramp: half-width in pixels of the picture's edges; None
+    measures it, 1/sqrt(2) is the paper's exact raster.
     Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
     """
     _check_request(seed, max_time, ramp)
@@ -221,6 +228,7 @@ def fit_image(
         canvas.with_ramp(model.ramp),
         method=method,
         grammar=grammar,
+        variant=variant,
         init="axiom" if start is None else start,
         seed=seed,
         max_time=max_time,
@@ -237,6 +245,7 @@ def fit_coverage(
     *,
     method: str = "fast",
     grammar: str = "arc-line",
+    variant: str | None = None,
     init: str | PathLike[str] | Fit = "axiom",
     seed: int = 0,
     max_time: float | None = None,
@@ -253,7 +262,8 @@ def fit_coverage(
         raise InputError(f"expected a target of shape {canvas.shape}, got {target.shape}")
     start = _start(init, grammar)
     floor = exact(target, canvas).floor if floor is None else floor
-    language, settings = make_grammar(grammar, method, canvas), make_method(method, canvas, floor, grammar)
+    language = make_grammar(grammar, method, canvas, variant)
+    settings = make_method(method, canvas, floor, grammar)
     if start is None:
         first = language.axiom(canvas)
     else:  # a wide ramp would first undo what was found
@@ -294,6 +304,7 @@ def fit_coverage(
         wall=wall,
         settings={
             "method": method,
+            "variant": variant,
             "seed": seed,
             "init": "axiom" if start is None else "program",
             "max_time": max_time,
@@ -329,6 +340,7 @@ def warm(grammar: str, method: str) -> None:
     """Compile or load the kernels, once in a process, so that no time limit or measured time has it."""
     target = np.zeros((32, 32))
     target[8:24, 8:24] = 1
+    target[16:24, 16:24] = 0
     fit_coverage(target, Canvas.square(32), grammar=grammar, method=method, floor=10.0)
 
 

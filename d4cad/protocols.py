@@ -32,6 +32,20 @@ class Evaluation:
     curvature: Floats | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class RuleFacts:
+    """What is known of a kind of rewrite, for people and for tests.
+
+    effect: what it does. guard: when it is offered. inverse: the kind of rewrite that undoes it, None if none does so
+    exactly. exact: whether the shape is the same before and after, so that the raster does not jump.
+    """
+
+    effect: str
+    guard: str = "always"
+    inverse: str | None = None
+    exact: bool = False
+
+
 class Loss(Protocol):
     """A function of coverage, its randomness already drawn, so that programs are compared on the same noise."""
 

@@ -7,7 +7,20 @@ from typing import Annotated
 
 import typer
 
-from d4cad.cli.options import Dpi, Grammar, Json, Method, Origin, Output, Quiet, Scale, Seed, Thickness, Width
+from d4cad.cli.options import (
+    Dpi,
+    Grammar,
+    Json,
+    Method,
+    Origin,
+    Output,
+    Quiet,
+    Scale,
+    Seed,
+    Thickness,
+    Variant,
+    Width,
+)
 from d4cad.cli.running import INTERRUPTED, check_outputs, progress, report, reported, write
 
 
@@ -23,6 +36,7 @@ def fit(
     thickness: Thickness = None,
     origin: Origin = None,
     grammar: Grammar = "arc-line",
+    variant: Variant = None,
     method: Method = "fast",
     init: Annotated[str, typer.Option(metavar="axiom|FILE", help="axiom, or a program file to go on from.")] = "axiom",
     seed: Seed = 0,
@@ -51,6 +65,7 @@ def fit(
                 image,
                 method=method,
                 grammar=grammar,
+                variant=variant,
                 init=init,
                 seed=seed,
                 max_time=max_time,

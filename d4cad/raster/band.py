@@ -6,7 +6,7 @@ rest, sums over runs of whole rows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numba as nb
 import numpy as np
@@ -21,6 +21,23 @@ so that the kernels' inner loops unroll."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Twins:
+    """Pixels of a band whose nearest point hangs on two primitives, and what the second one does there.
+
+    pixel: (k,) int64, places in the band's arrays. piece: (k,) int32, the second primitive. slope: (k, NUMBERS).
+    """
+
+    pixel: NDArray[np.int64]
+    piece: NDArray[np.int32]
+    slope: Floats
+
+    @classmethod
+    def none(cls) -> Twins:
+        """No such pixel."""
+        return cls(np.empty(0, np.int64), np.empty(0, np.int32), np.empty((0, NUMBERS)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Band:
     """Coverage of a program on a canvas, and its derivative.
 
@@ -28,7 +45,7 @@ class Band:
     pixel's centre is inside. piece: (m,) int32, the primitive nearest to the pixel. slope: (m, NUMBERS) derivative of
     the coverage by that primitive's numbers. columns: (pieces, NUMBERS) int64, the parameters that these numbers are
     (-1: fixed). spans: (s, 3) row, first and past-the-last column of runs of inside pixels, band included. size: number
-    of parameters.
+    of parameters. twins: the pixels that a second primitive moves too.
     """
 
     shape: tuple[int, int]
@@ -41,6 +58,7 @@ class Band:
     columns: NDArray[np.int64]
     spans: NDArray[np.int64]
     size: int
+    twins: Twins = field(default_factory=Twins.none)
 
     @property
     def coverage(self) -> Floats:
@@ -51,7 +69,12 @@ class Band:
 
     def pull_back(self, gradient: Floats) -> Floats:
         """Vector-Jacobian product: d/dcoverage (height, width) to d/dparams (size,)."""
-        return np.asarray(_pull_back(gradient, self.row, self.col, self.piece, self.slope, self.columns, self.size))
+        back = np.asarray(_pull_back(gradient, self.row, self.col, self.piece, self.slope, self.columns, self.size))
+        twins = self.twins
+        if twins.pixel.size:
+            row, col = self.row[twins.pixel], self.col[twins.pixel]
+            back += _pull_back(gradient, row, col, twins.piece, twins.slope, self.columns, self.size)
+        return back
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,6 +113,12 @@ class SquaresTable:
             self.target, self.runs, self.total, band.row, band.col, band.cover, band.wound, band.spans,
             band.piece, band.slope, band.columns, band.size,
         )  # fmt: skip
+        twins = band.twins
+        if twins.pixel.size:
+            add_twins(
+                self.target, band.row, band.col, band.cover, band.piece, band.slope,
+                twins.pixel, twins.piece, twins.slope, band.columns, gradient, matrix,
+            )  # fmt: skip
         return max(0.0, float(value)), gradient, matrix
 
 
@@ -188,6 +217,43 @@ def add_normal_equations(
                     matrix[c, other] += block[p, k, i]
                     if i != k:
                         matrix[other, c] += block[p, k, i]
+
+
+@nb.njit(cache=True, error_model="numpy")
+def add_twins(
+    target: Floats,
+    row: NDArray[np.int32],
+    col: NDArray[np.int32],
+    cover: Floats,
+    piece: NDArray[np.int32],
+    slope: Floats,
+    pixel: Ints,
+    twin_piece: NDArray[np.int32],
+    twin_slope: Floats,
+    columns: Ints,
+    gradient: Floats,
+    matrix: Floats,
+) -> None:
+    """What the second primitives of pixels add to J'r and J'J; as :func:`add_normal_equations`."""
+    for k in range(pixel.shape[0]):
+        s, q = pixel[k], twin_piece[k]
+        if q >= columns.shape[0]:
+            continue
+        p = piece[s]
+        residual = cover[s] - target[row[s], col[s]]
+        for i in range(NUMBERS):
+            c = columns[q, i]
+            if c < 0:
+                continue
+            gradient[c] += twin_slope[k, i] * residual
+            for j in range(NUMBERS):
+                other = columns[q, j]
+                if other >= 0:
+                    matrix[c, other] += twin_slope[k, i] * twin_slope[k, j]
+                first = columns[p, j] if p < columns.shape[0] else -1
+                if first >= 0:
+                    matrix[c, first] += twin_slope[k, i] * slope[s, j]
+                    matrix[first, c] += twin_slope[k, i] * slope[s, j]
 
 
 @nb.njit(cache=True, error_model="numpy")
