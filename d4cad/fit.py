@@ -27,7 +27,7 @@ from d4cad.outputs import check_output
 from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
 from d4cad.program import Floats, Program
 from d4cad.protocols import Grammar
-from d4cad.registry import make_grammar, make_method
+from d4cad.registry import entry, make_grammar, make_method
 from d4cad.sketch import Sketch
 
 MARGIN = 8
@@ -212,8 +212,8 @@ def fit_image(
 
     image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". variant: a named
     subset of the grammar's rewrites, None for all that the method uses. init: "axiom", or a program file or fit to go
-    on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture binary. invert: exchange shape and
-    ground. watch: called with a Record after every round. ramp: half-width in pixels of the picture's edges; None
+    on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture binary. invert: exchange shape
+    and ground. watch: called with a Record after every round. ramp: half-width in pixels of the picture's edges; None
     measures it, 1/sqrt(2) is the paper's exact raster.
     Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
     """
@@ -262,7 +262,7 @@ def fit_coverage(
         raise InputError(f"expected a target of shape {canvas.shape}, got {target.shape}")
     start = _start(init, grammar)
     floor = exact(target, canvas).floor if floor is None else floor
-    language = make_grammar(grammar, method, canvas, variant)
+    language = make_grammar(grammar, method, canvas, variant, target)
     settings = make_method(method, canvas, floor, grammar)
     if start is None:
         first = language.axiom(canvas)

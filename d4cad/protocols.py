@@ -19,6 +19,22 @@ S = TypeVar("S")
 T = TypeVar("T")
 
 
+class Curvature(Protocol):
+    """A symmetric matrix (n, n) that knows how to solve with itself."""
+
+    def __mul__(self, factor: float) -> Curvature:
+        """The matrix times a number."""
+        ...
+
+    def diagonal(self) -> Floats:
+        """The diagonal (n,)."""
+        ...
+
+    def solve(self, shift: Floats, right: Floats) -> Floats | None:
+        """x (n,) with (matrix + diag(shift)) x = right, or None where that sum is not positive definite."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
     """A loss at a program.
@@ -29,7 +45,7 @@ class Evaluation:
 
     value: float
     gradient: Floats
-    curvature: Floats | None = None
+    curvature: Floats | Curvature | None = None
 
 
 @dataclass(frozen=True, slots=True)

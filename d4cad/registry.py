@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from d4cad.canvas import Canvas
 from d4cad.descent import Method
 from d4cad.errors import InputError
-from d4cad.grammars import arc_line, union_rect
+from d4cad.grammars import arc_line, tree, union_rect
 from d4cad.grammars.arc_line import ArcLine, sagitta_metric
 from d4cad.grammars.arc_line import places as arc_places
+from d4cad.grammars.tree import Limits, Tree
+from d4cad.grammars.tree import places as tree_places
 from d4cad.grammars.union_rect import UnionRect, angle_metric
 from d4cad.grammars.union_rect import places as rect_places
-from d4cad.methods import fast, fast_rectangles, paper, paper_rectangles
+from d4cad.methods import fast, fast_rectangles, fast_tree, paper, paper_rectangles, paper_tree
+from d4cad.program import Floats
 from d4cad.protocols import Grammar, RuleFacts
 
 PAPER_LOSSY = 0.03
@@ -47,10 +50,11 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A named ablation of the paper: a grammar with some of its rewrites."""
+    """A named ablation of the paper: a grammar with some of its rewrites, and what else of the grammar differs."""
 
     grammar: str
     rules: tuple[str, ...]
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
 
 def _paper_arc_line(canvas: Canvas, rules: Rules) -> ArcLine:
@@ -66,6 +70,10 @@ def _paper_union_rect(canvas: Canvas, rules: Rules) -> UnionRect:
         remove_limit=0.005,
         least=PAPER_THIN / canvas.pixel,
     )
+
+
+def _paper_tree(canvas: Canvas, rules: Rules) -> Tree:
+    return Tree(rules, places=tree_places.UniformPlaces(), reach=1, least=0.03)
 
 
 GRAMMARS = {
@@ -86,11 +94,26 @@ GRAMMARS = {
         paper_rules=tuple(union_rect.FACTS),
         counted="rectangle",
     ),
+    "tree": Entry(
+        fast=lambda canvas, rules: Tree(rules),
+        paper=_paper_tree,
+        methods={"fast": fast_tree, "paper": lambda canvas, floor: paper_tree(canvas)},
+        size=lambda structure: int(structure.size),
+        rules=tree.FACTS,
+        paper_rules=tuple(tree.FACTS),
+        counted="node",
+    ),
 }
 
 
 def _without(grammar: str, *rules: str) -> Variant:
     return Variant(grammar, tuple(rule for rule in GRAMMARS[grammar].paper_rules if rule not in rules))
+
+
+def _tree(*rules: str, **settings: Any) -> Variant:
+    """A variant with leaves of one size and the root at the bottom of the shape."""
+    fixed = {"limits": Limits(sized=False), "bottom": "shape", "tip": 0.075, "link": 0.075, "least": 0.0}
+    return Variant("tree", rules, {**fixed, **settings})
 
 
 VARIANTS = {
@@ -99,6 +122,12 @@ VARIANTS = {
     "UR-1": _without("union-rect", "add-rect"),
     "UR-2": _without("union-rect", "add-hole"),
     "UR-F": _without("union-rect"),
+    "Tr-1": _tree("add-leaf", sprout=0.2),
+    "Tr-2": _tree("add-leaf", "remove-leaf", sprout=0.2),
+    "Tr-3": _tree("add-leaf", "remove-leaf", guarded=True),
+    "Tr-4": _tree("add-leaf", "split", "remove-leaf", "remove-branch"),
+    "Tr-5": _tree("add-leaf", "split", "remove-leaf", "remove-branch", "add-anywhere"),
+    "Tr-F": _without("tree"),
 }
 """The paper's ablations (SPEC 1.7)."""
 
@@ -110,21 +139,25 @@ def entry(grammar: str) -> Entry:
     return GRAMMARS[grammar]
 
 
-def make_grammar(grammar: str, method: str, canvas: Canvas, variant: str | None = None) -> Grammar[Any]:
+def make_grammar(
+    grammar: str, method: str, canvas: Canvas, variant: str | None = None, target: Floats | None = None
+) -> Grammar[Any]:
     """The grammar as ``method`` uses it on ``canvas``, with the rewrites of ``variant`` or all that the method has.
 
-    Raises InputError for an unknown name or a variant of another grammar.
+    target: coverage (height, width), row 0 lowest, that the grammar's axiom may look at. Raises InputError for an
+    unknown name or a variant of another grammar.
     """
     found = entry(grammar)
     published = method == "paper"
-    rules = frozenset(found.paper_rules if published else found.rules)
+    rules, settings = frozenset(found.paper_rules if published else found.rules), {}
     if variant is not None:
         if variant not in VARIANTS:
             raise InputError(f"there is no variant {variant!r}, expected one of: {', '.join(VARIANTS)}")
         if VARIANTS[variant].grammar != grammar:
             raise InputError(f"{variant} is a variant of {VARIANTS[variant].grammar}, not of {grammar}")
-        rules = frozenset(VARIANTS[variant].rules)
-    return found.paper(canvas, rules) if published else found.fast(canvas, rules)
+        rules, settings = frozenset(VARIANTS[variant].rules), dict(VARIANTS[variant].settings)
+    made: Any = replace(found.paper(canvas, rules) if published else found.fast(canvas, rules), **settings)
+    return made.made_for(target, canvas) if target is not None and hasattr(made, "made_for") else made
 
 
 def make_method(method: str, canvas: Canvas, floor: float, grammar: str = "arc-line") -> Method:

@@ -7,10 +7,14 @@ rest, sums over runs of whole rows.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
 
 import numba as nb
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from d4cad.protocols import Curvature
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -37,6 +41,21 @@ class Twins:
         return cls(np.empty(0, np.int64), np.empty(0, np.int32), np.empty((0, NUMBERS)))
 
 
+class Chain(Protocol):
+    """What lies between a program's parameters and its primitives' numbers where those are not parameters themselves.
+
+    With J the derivative of all numbers by all parameters:
+    """
+
+    def pull_back(self, gradient: Floats) -> Floats:
+        """J'f of a derivative f (size,) by the numbers, as ``columns`` counts them."""
+        ...
+
+    def curvature(self, blocks: Floats) -> Curvature:
+        """J'BJ of one block (NUMBERS, NUMBERS) for each primitive, of which the lower half is given."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Band:
     """Coverage of a program on a canvas, and its derivative.
@@ -45,7 +64,8 @@ class Band:
     pixel's centre is inside. piece: (m,) int32, the primitive nearest to the pixel. slope: (m, NUMBERS) derivative of
     the coverage by that primitive's numbers. columns: (pieces, NUMBERS) int64, the parameters that these numbers are
     (-1: fixed). spans: (s, 3) row, first and past-the-last column of runs of inside pixels, band included. size: number
-    of parameters. twins: the pixels that a second primitive moves too.
+    of parameters. twins: the pixels that a second primitive moves too. chain: how parameters make the numbers that
+    columns and size count; None where those are the parameters. A band with a chain has no twins.
     """
 
     shape: tuple[int, int]
@@ -59,6 +79,7 @@ class Band:
     spans: NDArray[np.int64]
     size: int
     twins: Twins = field(default_factory=Twins.none)
+    chain: Chain | None = None
 
     @property
     def coverage(self) -> Floats:
@@ -74,7 +95,7 @@ class Band:
         if twins.pixel.size:
             row, col = self.row[twins.pixel], self.col[twins.pixel]
             back += _pull_back(gradient, row, col, twins.piece, twins.slope, self.columns, self.size)
-        return back
+        return back if self.chain is None else self.chain.pull_back(back)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,8 +128,15 @@ class SquaresTable:
         )  # fmt: skip
         return max(0.0, float(value))  # rounding can leave a perfect fit just under 0
 
-    def normal(self, band: Band) -> tuple[float, Floats, Floats]:
+    def normal(self, band: Band) -> tuple[float, Floats, Floats | Curvature]:
         """Sum of squared errors, half its gradient J'r (n,), and the Gauss-Newton matrix J'J (n, n)."""
+        if band.chain is not None:
+            force, blocks = piece_equations(
+                self.target, band.row, band.col, band.cover, band.piece, band.slope, len(band.columns)
+            )  # fmt: skip
+            numbers = np.zeros(band.size)
+            numbers[band.columns[band.columns >= 0]] = force[band.columns >= 0]
+            return self.value(band), band.chain.pull_back(numbers), band.chain.curvature(blocks)
         value, gradient, matrix = _normal(
             self.target, self.runs, self.total, band.row, band.col, band.cover, band.wound, band.spans,
             band.piece, band.slope, band.columns, band.size,
@@ -176,6 +204,33 @@ def squared_error(
 
 
 @nb.njit(cache=True, error_model="numpy")
+def piece_equations(
+    target: Floats,
+    row: NDArray[np.int32],
+    col: NDArray[np.int32],
+    cover: Floats,
+    piece: NDArray[np.int32],
+    slope: Floats,
+    pieces: int,
+) -> tuple[Floats, Floats]:
+    """J'r (pieces, NUMBERS) and the lower half of J'J (pieces, NUMBERS, NUMBERS) by the numbers of each of the first
+    ``pieces`` primitives, for the residual r = coverage - target."""
+    force = np.zeros((pieces, NUMBERS))
+    block = np.zeros((pieces, NUMBERS, NUMBERS))
+    for s in range(row.shape[0]):
+        p = piece[s]
+        if p >= pieces:
+            continue
+        residual = cover[s] - target[row[s], col[s]]
+        for k in range(NUMBERS):
+            j = slope[s, k]
+            force[p, k] += j * residual
+            for i in range(k + 1):
+                block[p, k, i] += j * slope[s, i]
+    return force, block
+
+
+@nb.njit(cache=True, error_model="numpy")
 def add_normal_equations(
     target: Floats,
     row: NDArray[np.int32],
@@ -193,18 +248,7 @@ def add_normal_equations(
     """
     pieces = columns.shape[0]
     # Summed per piece first: its numbers lie together, the parameters' columns do not.
-    force = np.zeros((pieces, NUMBERS))
-    block = np.zeros((pieces, NUMBERS, NUMBERS))
-    for s in range(row.shape[0]):
-        p = piece[s]
-        if p >= pieces:
-            continue
-        residual = cover[s] - target[row[s], col[s]]
-        for k in range(NUMBERS):
-            j = slope[s, k]
-            force[p, k] += j * residual
-            for i in range(k + 1):
-                block[p, k, i] += j * slope[s, i]
+    force, block = piece_equations(target, row, col, cover, piece, slope, pieces)
     for p in range(pieces):
         for k in range(NUMBERS):
             c = columns[p, k]
