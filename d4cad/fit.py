@@ -361,6 +361,8 @@ def joined_outline(grammar: Grammar[Any], program: Program[Any], canvas: Canvas,
     band = max(int(np.count_nonzero((coverage > 0) & (coverage < 1))), 1)
     off = LEEWAY * 2 * canvas.ramp * sqrt(error * canvas.size / band)
     low, high = JOINING
+    if entry(grammar.name).counted is not None:  # a union has corners too close to each other for more
+        high = low
     return grammar.outline(program).simplified(min(max(off, low), high) * canvas.pixel)
 
 

@@ -12,8 +12,10 @@ from d4cad.program import Floats
 if TYPE_CHECKING:
     from d4cad.sketch import Loop, Sketch
 
-LEAST = 1e-6
-"""World units under which a leaf or a branch is nothing."""
+LEAST = 1e-3
+"""World units, a twelfth of a pixel of the paper's canvas, under which a leaf is a bare node and no material."""
+POINT = 1e-9
+"""World units under which a branch has no direction."""
 
 
 def leaf_loop(pose: Floats, leaf: Leaf) -> Loop:
@@ -34,11 +36,11 @@ def branch_loop(a: Floats, b: Floats, width: float) -> Loop:
 
     dx, dy = float(b[0] - a[0]), float(b[1] - a[1])
     length = hypot(dx, dy)
-    ux, uy = (dx / length, dy / length) if length > LEAST else (1.0, 0.0)
+    ux, uy = (dx / length, dy / length) if length > POINT else (1.0, 0.0)
     h = width / 2
     ax, ay, bx, by = float(a[0]), float(a[1]), float(b[0]), float(b[1])
     right, left = (h * uy, -h * ux), (-h * uy, h * ux)
-    if length <= LEAST:
+    if length <= POINT:
         return Loop(((ax + h, ay), (ax - h, ay)), (1.0, 1.0))
     points = (
         (ax + right[0], ay + right[1]),
