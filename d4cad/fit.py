@@ -205,8 +205,8 @@ def fit_image(
 
     image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". variant: a named
     subset of the grammar's rewrites, None for all that the method uses. init: "axiom", or a program file or fit to go
-    on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture binary. invert: exchange shape and
-    ground. watch: called with a Record after every round. ramp: half-width in pixels of the picture's edges; None
+    on from. max_time: seconds. threshold: grey level in [0, 1] that makes the picture binary. invert: exchange shape
+    and ground. watch: called with a Record after every round. ramp: half-width in pixels of the picture's edges; None
     measures it, 1/sqrt(2) is the paper's exact raster.
     Raises InputError for what cannot be used. Ctrl-C ends the search with the best program so far.
     """

@@ -112,9 +112,9 @@ def merge_gain(rects: Floats, i: int, j: int) -> float:
     return float(box[2] * box[3] - rects[i, 2] * rects[i, 3] - rects[j, 2] * rects[j, 3])
 
 
-def touching(rects: Floats) -> list[tuple[int, int]]:
-    """Pairs whose circumscribed circles touch."""
+def near(rects: Floats, reach: float) -> list[tuple[int, int]]:
+    """Pairs whose circumscribed circles touch, made ``reach`` times as large."""
     radius = np.hypot(rects[:, 2], rects[:, 3])
     apart = np.hypot(rects[:, None, 0] - rects[None, :, 0], rects[:, None, 1] - rects[None, :, 1])
-    i, j = np.nonzero(np.triu(apart <= radius[:, None] + radius[None, :], 1))
+    i, j = np.nonzero(np.triu(apart <= reach * (radius[:, None] + radius[None, :]), 1))
     return list(zip(i.tolist(), j.tolist(), strict=True))
