@@ -1,4 +1,4 @@
-"""Speed of the Union-Rect grammar's kernels, one core: raster with slopes and Gauss-Newton matrix, and a round of trials."""
+"""Speed of the Union-Rect kernels, one core: raster with slopes and Gauss-Newton matrix, and a round of trials."""
 
 from __future__ import annotations
 

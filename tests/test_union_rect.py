@@ -71,8 +71,8 @@ def test_raster_is_the_signed_distance_of_the_outline(found: Program[Structure])
     sizes = [len(loop.points) for loop in sketch.loops]
     nxt = np.concatenate([s + (np.arange(n) + 1) % n for s, n in zip(np.cumsum([0, *sizes]), sizes, strict=False)])
     x, y = CANVAS.to_pixels(points).T
-    tensors = [torch.from_numpy(np.ascontiguousarray(v)) for v in (x, y, np.zeros(len(x)), nxt)]
-    exact = oracle(*tensors, 0, CANVAS.height, 0, CANVAS.width, CANVAS.ramp).numpy()
+    tx, ty, tb = (torch.from_numpy(np.ascontiguousarray(v)) for v in (x, y, np.zeros(len(x))))
+    exact = oracle(tx, ty, tb, torch.from_numpy(nxt), 0, CANVAS.height, 0, CANVAS.width, CANVAS.ramp).numpy()
     filled = len(sketch.loops) < len(GRAMMAR.outline(found).loops)  # a hole of under two pixels has no outline
     away = np.abs(raster(found) - exact)
     # Corners that touch are pulled apart by a thousandth of a pixel in an outline.
