@@ -25,6 +25,8 @@ from d4cad.raster.band import Band, Twins
 if TYPE_CHECKING:
     from d4cad.sketch import Sketch
 
+GRAIN = 0.1
+"""What an outline resolves, in pixels: see :func:`d4cad.grammars.union_rect.outline.union`."""
 RULES = ("split-h", "split-v", "add-rect", "add-hole", "merge", "remove")
 
 
@@ -78,7 +80,7 @@ class UnionRect:
         """Coverage and its derivative by the program's parameters."""
         rects = _on(rects_of(program), canvas)
         band = scan(rects, 0, canvas.height, 0, canvas.width, canvas.ramp)
-        rect, slope, *twins = slopes(rects, band, canvas.ramp, 1 / canvas.pixel)
+        rect, slope, *twins = slopes(rects, band, canvas.ramp, 1 / canvas.pixel, len(rects))
         size = program.structure.size
         columns = np.arange(size, dtype=np.int64).reshape(-1, NUMBERS)
         row, col, cover, wound, spans = band[0], band[1], band[2], band[3], band[6]
@@ -200,7 +202,7 @@ class UnionRect:
 
     def outline(self, program: Program[Structure]) -> Sketch:
         """The boundary of the union as an exact sketch in world units."""
-        return union(rects_of(program), self.pixel)
+        return union(rects_of(program), GRAIN * self.pixel)
 
     def rectangles(self, program: Program[Structure]) -> tuple[Sketch, ...]:
         """Every rectangle as a sketch of its own, in world units; they lap over each other."""

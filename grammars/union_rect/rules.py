@@ -66,9 +66,11 @@ def hole(rects: Floats, box: Floats) -> Exchange:
 def reached(rects: Floats, box: Floats) -> list[int]:
     """The rectangles whose inside meets the inside of a box (5,): no axis of either separates them."""
     found = []
-    own = corners(rects)
-    for i in range(len(rects)):
-        bounds = ((rects[i], corners(box[None])[0]), (box, own[i]))
+    own, edge = corners(rects), corners(box[None])[0]
+    apart = np.hypot(rects[:, 0] - box[0], rects[:, 1] - box[1])
+    near = apart < np.hypot(rects[:, 2], rects[:, 3]) + np.hypot(box[2], box[3])
+    for i in np.flatnonzero(near).tolist():
+        bounds = ((rects[i], edge), (box, own[i]))
         if all(
             to_local(a, b)[:, k].max() > -a[2 + k] + THIN and to_local(a, b)[:, k].min() < a[2 + k] - THIN
             for a, b in bounds
