@@ -159,7 +159,8 @@ class Fit:
         """Write target, outline with vertices, and error as .png or .svg. Raises ExportError."""
         if self.target is None:
             raise ExportError(f"cannot write {path}: a preview needs the picture, and a program file has none")
-        title = f"{self.settings.get('picture', 'picture')}: {self.primitives} primitives, {self.psnr:.1f} dB"
+        count = f"{self.primitives} {self.counted or 'primitive'}s"
+        title = f"{self.settings.get('picture', 'picture')}: {count}, {self.psnr:.1f} dB"
         preview.write_preview(Path(path), self.outline, self.canvas, self.target, self.coverage, title)
 
     def document(

@@ -66,6 +66,7 @@ def _paper_union_rect(canvas: Canvas, rules: Rules) -> UnionRect:
         canvas.pixel,
         rules,
         rect_places.UniformPlaces(),
+        merge_reach=1.0,
         merge_limit=100.0,
         remove_limit=0.005,
         least=PAPER_THIN / canvas.pixel,

@@ -15,7 +15,7 @@ from d4cad.grammars.union_rect.outline import separate, union
 from d4cad.grammars.union_rect.places import DemandPlaces, Places
 from d4cad.grammars.union_rect.raster import scan, slopes
 from d4cad.grammars.union_rect.repair import repair
-from d4cad.grammars.union_rect.rules import Exchange, add, hole, merge, merge_gain, remove, split, touching
+from d4cad.grammars.union_rect.rules import Exchange, add, hole, merge, merge_gain, near, remove, split
 from d4cad.grammars.union_rect.structure import NUMBERS, Structure, program_of, rects_of, to_pixels, to_world
 from d4cad.grammars.union_rect.trials import trial
 from d4cad.program import Edit, Floats, Program, Rewrite
@@ -25,6 +25,8 @@ from d4cad.raster.band import Band, Twins
 if TYPE_CHECKING:
     from d4cad.sketch import Sketch
 
+GRAIN = 0.1
+"""What an outline resolves, in pixels: see :func:`d4cad.grammars.union_rect.outline.union`."""
 RULES = ("split-h", "split-v", "add-rect", "add-hole", "merge", "remove")
 
 
@@ -33,9 +35,10 @@ class UnionRect:
     """Rectangles whose union is the shape.
 
     pixel: the world length that counts as one pixel in ``least`` and ``lap``. rules: the names of the rewrites in use.
-    places: where new rectangles, holes and splits are proposed. merge_limit: pairs are merged if the box around them
-    adds at most so much, and remove_limit: rectangles are removed if they have at most so much, as products of
-    half-sizes in world units. least: repair drops rectangles with a lesser half-size (pixels). lap: how far (pixels)
+    places: where new rectangles, holes and splits are proposed. merge_reach: pairs are merged if
+    their circumscribed circles touch, made so many times as large; merge_limit: and if the box around them adds at most
+    so much, and remove_limit: rectangles are removed if they have at most so much, as products of half-sizes in world
+    units. least: repair drops rectangles with a lesser half-size (pixels). lap: how far (pixels)
     pieces of one rectangle, and rectangles that repair shortens, reach beneath each other. nearby: how many neighbours
     a trial refits when it removes a rectangle.
     """
@@ -43,6 +46,7 @@ class UnionRect:
     pixel: float = 3 / 256
     rules: frozenset[str] = frozenset(RULES)
     places: Places = field(default_factory=DemandPlaces)
+    merge_reach: float = 2.0
     merge_limit: float = np.inf
     remove_limit: float = np.inf
     least: float = 0.75
@@ -76,7 +80,7 @@ class UnionRect:
         """Coverage and its derivative by the program's parameters."""
         rects = _on(rects_of(program), canvas)
         band = scan(rects, 0, canvas.height, 0, canvas.width, canvas.ramp)
-        rect, slope, *twins = slopes(rects, band, canvas.ramp, 1 / canvas.pixel)
+        rect, slope, *twins = slopes(rects, band, canvas.ramp, 1 / canvas.pixel, len(rects))
         size = program.structure.size
         columns = np.arange(size, dtype=np.int64).reshape(-1, NUMBERS)
         row, col, cover, wound, spans = band[0], band[1], band[2], band[3], band[6]
@@ -108,7 +112,7 @@ class UnionRect:
             for i in np.flatnonzero(rects[:, 2] * rects[:, 3] <= self.remove_limit).tolist():
                 found.append(Rewrite("remove", frozenset((i,)), (float(i),)))
         if "merge" in self.rules:
-            for i, j in touching(rects):
+            for i, j in near(rects, self.merge_reach):
                 if np.isinf(self.merge_limit) or merge_gain(rects, i, j) <= self.merge_limit:
                     found.append(Rewrite("merge", frozenset((i, j)), (float(i), float(j))))
         inside = self.rasterize(program, canvas).coverage
@@ -198,7 +202,7 @@ class UnionRect:
 
     def outline(self, program: Program[Structure]) -> Sketch:
         """The boundary of the union as an exact sketch in world units."""
-        return union(rects_of(program), self.pixel)
+        return union(rects_of(program), GRAIN * self.pixel)
 
     def rectangles(self, program: Program[Structure]) -> tuple[Sketch, ...]:
         """Every rectangle as a sketch of its own, in world units; they lap over each other."""

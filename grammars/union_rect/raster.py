@@ -205,9 +205,9 @@ def _push(
 
 
 @nb.njit(cache=True, error_model="numpy")
-def slopes(rects: Floats, band: Rows, ramp: float, unit: float) -> tuple[Any, ...]:
+def slopes(rects: Floats, band: Rows, ramp: float, unit: float, free: int) -> tuple[Any, ...]:
     """Derivatives of the coverage of a band from :func:`scan`; ``unit``: pixels per unit of length by which it is
-    differentiated.
+    differentiated; left 0 for all but the first ``free`` rectangles.
 
     Returns (rect, slope, twin, twin_rect, twin_slope): rect (m,) int32 and slope (m, 5): the rectangle nearest to each
     pixel and the derivative by its numbers; twin (k,) int64: the pixels that are nearest to a corner where the sides of
@@ -233,6 +233,8 @@ def slopes(rects: Floats, band: Rows, ramp: float, unit: float) -> tuple[Any, ..
         i = parts[k, 0]
         own = 4 * i + parts[k, 1]
         rect[s] = i
+        if i >= free and where[s] == AT_SIDE:
+            continue
         px, py = col[s] + 0.5, row[s] + 0.5
         dx, dy, length = places[k, 2], places[k, 3], places[k, 4]
         if where[s] == AT_SIDE:

@@ -66,9 +66,11 @@ def hole(rects: Floats, box: Floats) -> Exchange:
 def reached(rects: Floats, box: Floats) -> list[int]:
     """The rectangles whose inside meets the inside of a box (5,): no axis of either separates them."""
     found = []
-    own = corners(rects)
-    for i in range(len(rects)):
-        bounds = ((rects[i], corners(box[None])[0]), (box, own[i]))
+    own, edge = corners(rects), corners(box[None])[0]
+    apart = np.hypot(rects[:, 0] - box[0], rects[:, 1] - box[1])
+    near = apart < np.hypot(rects[:, 2], rects[:, 3]) + np.hypot(box[2], box[3])
+    for i in np.flatnonzero(near).tolist():
+        bounds = ((rects[i], edge), (box, own[i]))
         if all(
             to_local(a, b)[:, k].max() > -a[2 + k] + THIN and to_local(a, b)[:, k].min() < a[2 + k] - THIN
             for a, b in bounds
@@ -112,9 +114,9 @@ def merge_gain(rects: Floats, i: int, j: int) -> float:
     return float(box[2] * box[3] - rects[i, 2] * rects[i, 3] - rects[j, 2] * rects[j, 3])
 
 
-def touching(rects: Floats) -> list[tuple[int, int]]:
-    """Pairs whose circumscribed circles touch."""
+def near(rects: Floats, reach: float) -> list[tuple[int, int]]:
+    """Pairs whose circumscribed circles touch, made ``reach`` times as large."""
     radius = np.hypot(rects[:, 2], rects[:, 3])
     apart = np.hypot(rects[:, None, 0] - rects[None, :, 0], rects[:, None, 1] - rects[None, :, 1])
-    i, j = np.nonzero(np.triu(apart <= radius[:, None] + radius[None, :], 1))
+    i, j = np.nonzero(np.triu(apart <= reach * (radius[:, None] + radius[None, :]), 1))
     return list(zip(i.tolist(), j.tolist(), strict=True))

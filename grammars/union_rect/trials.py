@@ -85,7 +85,7 @@ def _descend(
         if fresh:
             matrix[:] = 0.0
             gradient[:] = 0.0
-            rect, slope, twin, twin_rect, twin_slope = slopes(rects, band, ramp, 1.0)
+            rect, slope, twin, twin_rect, twin_slope = slopes(rects, band, ramp, 1.0, free)
             add_normal_equations(picture.target, band[0], band[1], band[2], rect, slope, columns, gradient, matrix)
             add_twins(
                 picture.target, band[0], band[1], band[2], rect, slope, twin, twin_rect, twin_slope, columns, gradient,
