@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 import numpy as np
 
 from d4cad.canvas import Canvas
-from d4cad.program import Edit, Floats, Program, Rewrite
+from d4cad.program import Curvature, Edit, Floats, Program, Rewrite
 from d4cad.raster.band import Band
 
 if TYPE_CHECKING:
@@ -17,22 +17,6 @@ if TYPE_CHECKING:
 
 S = TypeVar("S")
 T = TypeVar("T")
-
-
-class Curvature(Protocol):
-    """A symmetric matrix (n, n) that knows how to solve with itself."""
-
-    def __mul__(self, factor: float) -> Curvature:
-        """The matrix times a number."""
-        ...
-
-    def diagonal(self) -> Floats:
-        """The diagonal (n,)."""
-        ...
-
-    def solve(self, shift: Floats, right: Floats) -> Floats | None:
-        """x (n,) with (matrix + diag(shift)) x = right, or None where that sum is not positive definite."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)

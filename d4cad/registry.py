@@ -36,7 +36,7 @@ class Entry:
     fast, paper: the grammar with the given rules as the default method and as the paper has it. methods: their settings
     by name, given the canvas and the last price of a primitive in summed squared error. size: number of parameters of a
     structure. rules: facts of all its rewrites by name. paper_rules: those that the paper has. counted: what its
-    programs count, if that is not the edges of the outline.
+    programs count, if that is not the edges of the outline. for_target: the grammar with an axiom made for a target.
     """
 
     fast: Callable[[Canvas, Rules], Grammar[Any]]
@@ -46,15 +46,18 @@ class Entry:
     rules: Mapping[str, RuleFacts]
     paper_rules: tuple[str, ...]
     counted: str | None = None
+    for_target: Callable[[Any, Floats, Canvas], Grammar[Any]] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A named ablation of the paper: a grammar with some of its rewrites, and what else of the grammar differs."""
+    """A named ablation of the paper: a grammar with some of its rewrites, what else of the grammar differs, and that in
+    words."""
 
     grammar: str
     rules: tuple[str, ...]
     settings: Mapping[str, Any] = field(default_factory=dict)
+    note: str = ""
 
 
 def _paper_arc_line(canvas: Canvas, rules: Rules) -> ArcLine:
@@ -103,6 +106,7 @@ GRAMMARS = {
         rules=tree.FACTS,
         paper_rules=tuple(tree.FACTS),
         counted="node",
+        for_target=Tree.made_for,
     ),
 }
 
@@ -111,10 +115,11 @@ def _without(grammar: str, *rules: str) -> Variant:
     return Variant(grammar, tuple(rule for rule in GRAMMARS[grammar].paper_rules if rule not in rules))
 
 
-def _tree(*rules: str, **settings: Any) -> Variant:
+def _tree(*rules: str, note: str = "", **settings: Any) -> Variant:
     """A variant with leaves of one size and the root at the bottom of the shape."""
-    fixed = {"limits": Limits(sized=False), "bottom": "shape", "tip": 0.075, "link": 0.075, "least": 0.0}
-    return Variant("tree", rules, {**fixed, **settings})
+    limits = Limits(sized=False)
+    fixed: dict[str, Any] = {"limits": limits, "bottom": "shape", "tip": 0.075, "link": 0.075, "least": 0.0}
+    return Variant("tree", rules, {**fixed, **settings}, f"leaves of one size, root at the bottom of the shape{note}")
 
 
 VARIANTS = {
@@ -123,9 +128,9 @@ VARIANTS = {
     "UR-1": _without("union-rect", "add-rect"),
     "UR-2": _without("union-rect", "add-hole"),
     "UR-F": _without("union-rect"),
-    "Tr-1": _tree("add-leaf", sprout=0.2),
-    "Tr-2": _tree("add-leaf", "remove-leaf", sprout=0.2),
-    "Tr-3": _tree("add-leaf", "remove-leaf", guarded=True),
+    "Tr-1": _tree("add-leaf", sprout=0.2, note=", new branches at full length"),
+    "Tr-2": _tree("add-leaf", "remove-leaf", sprout=0.2, note=", new branches at full length"),
+    "Tr-3": _tree("add-leaf", "remove-leaf", guarded=True, note=", only short branches are removed"),
     "Tr-4": _tree("add-leaf", "split", "remove-leaf", "remove-branch"),
     "Tr-5": _tree("add-leaf", "split", "remove-leaf", "remove-branch", "add-anywhere"),
     "Tr-F": _without("tree"),
@@ -157,8 +162,9 @@ def make_grammar(
         if VARIANTS[variant].grammar != grammar:
             raise InputError(f"{variant} is a variant of {VARIANTS[variant].grammar}, not of {grammar}")
         rules, settings = frozenset(VARIANTS[variant].rules), dict(VARIANTS[variant].settings)
-    made: Any = replace(found.paper(canvas, rules) if published else found.fast(canvas, rules), **settings)
-    return made.made_for(target, canvas) if target is not None and hasattr(made, "made_for") else made
+    plain: Any = found.paper(canvas, rules) if published else found.fast(canvas, rules)
+    made: Grammar[Any] = replace(plain, **settings)
+    return found.for_target(made, target, canvas) if target is not None and found.for_target is not None else made
 
 
 def make_method(method: str, canvas: Canvas, floor: float, grammar: str = "arc-line") -> Method:

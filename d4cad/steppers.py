@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
-from d4cad.program import Edit, Floats, Program
-from d4cad.protocols import Curvature, Evaluation
+from d4cad.program import Curvature, Edit, Floats, Program
+from d4cad.protocols import Evaluation
 
 Bounds = Callable[[Program[Any]], tuple[Floats, Floats]]
 """The least and the greatest values (n,) that a program's parameters may have."""
@@ -144,7 +144,7 @@ class Trust:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dense:
-    """An array (n, n) as a matrix that knows how to solve with itself: `d4cad.protocols.Curvature`."""
+    """An array (n, n) as a matrix that knows how to solve with itself: `d4cad.program.Curvature`."""
 
     matrix: Floats
 

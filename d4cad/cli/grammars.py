@@ -23,6 +23,7 @@ def grammars(as_json: Json = False) -> None:
                 "counted": entry.counted or "edge",
                 "rewrites": {rule: asdict(fact) for rule, fact in entry.rules.items()},
                 "variants": {key: list(v.rules) for key, v in VARIANTS.items() if v.grammar == name},
+                "notes": {key: v.note for key, v in VARIANTS.items() if v.grammar == name and v.note},
             }
             for name, entry in GRAMMARS.items()
         }
@@ -41,5 +42,7 @@ def _text(name: str, facts: dict[str, Any]) -> str:
         lines.append(f"  {' ' * width}  offered: {fact['guard']}; {kept}; {undone}")
     for variant, rules in facts["variants"].items():
         missing = [rule for rule in rewrites if rule not in rules]
-        lines.append(f"  {variant.ljust(width)}  {'without ' + ', '.join(missing) if missing else 'all rewrites'}")
+        kept = f"without {', '.join(missing)}" if missing else "all rewrites"
+        note = facts["notes"].get(variant)
+        lines.append(f"  {variant.ljust(width)}  {kept}{f'; {note}' if note else ''}")
     return "\n".join(lines)

@@ -54,7 +54,7 @@ Dialect = Annotated[
         metavar="NAME", help="Language of .py: build123d, build123d-algebra or cadquery.", show_default="build123d"
     ),
 ]
-Grammar = Annotated[str, typer.Option(metavar="NAME", help="Language of shapes: arc-line or union-rect.")]
+Grammar = Annotated[str, typer.Option(metavar="NAME", help="Language of shapes: arc-line, union-rect or tree.")]
 Variant = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Some of its rewrites only; `d4cad grammars` lists them.", show_default="all"),

@@ -7,14 +7,13 @@ rest, sums over runs of whole rows.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from d4cad.protocols import Curvature
+from d4cad.program import Curvature
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

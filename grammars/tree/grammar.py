@@ -12,16 +12,15 @@ import numpy as np
 from d4cad.canvas import Canvas
 from d4cad.errors import GrammarError
 from d4cad.grammars.tree.facts import FACTS
-from d4cad.grammars.tree.kinematics import Kinematics, poses
+from d4cad.grammars.tree.kinematics import Kinematics, on_canvas, poses_of
 from d4cad.grammars.tree.leaves import POINTED, Leaf
 from d4cad.grammars.tree.outline import union
 from d4cad.grammars.tree.places import DemandPlaces, Places, shape_bottom
-from d4cad.grammars.tree.raster import layers, scan, slopes
+from d4cad.grammars.tree.raster import scan, slopes
 from d4cad.grammars.tree.rules import (
     LEAST_NODES,
     MOST_CHILDREN,
     Nodes,
-    Shoot,
     add_chain,
     chain_lengths,
     chain_to,
@@ -29,10 +28,11 @@ from d4cad.grammars.tree.rules import (
     joined,
     remove_branch,
     remove_leaf,
+    shoots,
     split,
 )
-from d4cad.grammars.tree.structure import ROOT_HEADING, Limits, Structure, bounds, program_of, table_of
-from d4cad.grammars.tree.trials import best_shoots, fit_chain, losses
+from d4cad.grammars.tree.structure import Limits, Structure, bounds, program_of, table_of
+from d4cad.grammars.tree.workbench import Workbench
 from d4cad.program import Edit, Floats, Program, Rewrite
 from d4cad.protocols import Trial
 from d4cad.raster.band import NUMBERS, Band
@@ -46,10 +46,6 @@ FIRST_BRANCH = 0.1
 """Length of the axiom's only branch."""
 LEAST_SHARE = 0.01
 """Least share of a branch that a split leaves to either part."""
-TILE = 12
-"""Side in pixels of the squares of which trials that draw in one of them exclude each other."""
-STARTS = (0.25, 0.5, 1.0)
-"""First guesses of a trial's branch length, as shares of the limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,14 +54,14 @@ class Tree:
 
     rules: the names of the rewrites in use. limits: of a program's parameters. leaf: the shape of leaves. places: where
     chains of nodes are proposed to lead, each from the ``reach`` nodes that get there with the fewest. bottom: one of
-    BOTTOMS; seat: the root's place if known, else that of the canvas' bottom. sprout: branch length of a new leaf. size:
-    its leaf size, and that of the axiom's. tip, link: leaf sizes of the last node of a new chain and of those before.
-    epsilon: where a split cuts, from the parent, and the branch length or leaf size up to which a leaf may be removed
-    if ``guarded``. least: repair drops childless nodes with smaller leaves. All lengths in world units.
+    BOTTOMS; seat: the root's place if known, else that of the canvas' bottom. sprout: branch length of a new leaf;
+    size: its leaf size, and that of the axiom's. tip, link: leaf sizes of the last node of a new chain and of those
+    before. epsilon: where a split cuts, from the parent, and the branch length or leaf size up to which a leaf may be
+    removed if ``guarded``. least: repair drops childless nodes with smaller leaves. All lengths in world units.
     """
 
     rules: frozenset[str] = frozenset(FACTS)
-    limits: Limits = Limits()
+    limits: Limits = field(default_factory=Limits)
     leaf: Leaf = POINTED
     places: Places = field(default_factory=DemandPlaces)
     reach: int = 3
@@ -112,7 +108,7 @@ class Tree:
     def rasterize(self, program: Program[Structure], canvas: Canvas) -> Band:
         """Coverage, its derivative by the leaves' poses, and the kinematics by which parameters move those."""
         pose = poses_of(program)
-        on = _on(pose, canvas)
+        on = on_canvas(pose, canvas)
         excess, offset = self.leaf.excess, self.leaf.offset
         row, col, cover, wound, piece, spans = scan(on, excess, offset, 0, canvas.height, 0, canvas.width, canvas.ramp)
         slope = slopes(on, excess, offset, row, col, piece, canvas.ramp, 1 / canvas.pixel)
@@ -195,7 +191,7 @@ class Tree:
             elif rewrite.rule == "remove-branch":
                 remove_branch(nodes, i)
             else:
-                add_chain(nodes, i, _shoots(rewrite))
+                add_chain(nodes, i, shoots(rewrite))
         return nodes.edit()
 
     def local_trials(
@@ -207,8 +203,8 @@ class Tree:
         price: float,
         steps: int,
     ) -> list[Trial]:
-        """Each rewrite with the numbers that at most ``steps`` local steps find for its new nodes, and what it gains."""
-        bench = Workbench.of(self, program, loss.table.target, canvas, price, steps)
+        """Each rewrite with the numbers that at most ``steps`` local steps find for its new nodes, and its gain."""
+        bench = Workbench.of(self.leaf, self.size, program, loss.table.target, canvas, price, steps)
         found: list[Trial] = []
         leaves = sorted({int(r.data[0]) for r in rewrites if r.rule == "add-leaf"})
         if leaves:
@@ -251,140 +247,3 @@ class Tree:
         if not all(type(v) in (int, float) and isfinite(v) for v in numbers) or min(numbers[2:]) < 0:
             raise wrong
         return Structure(tuple(parents), (float(x), float(y)), limits)
-
-
-def poses_of(program: Program[Structure]) -> Floats:
-    """Place, heading and leaf size of every node in world units, (n, 4)."""
-    x, y = program.structure.root
-    return np.asarray(poses(program.structure.parent, table_of(program), x, y, ROOT_HEADING))
-
-
-def _on(pose: Floats, canvas: Canvas) -> Floats:
-    """Poses in the canvas' pixels."""
-    scaled = pose * np.array([1 / canvas.pixel, 1 / canvas.pixel, 1.0, 1 / canvas.pixel])
-    scaled[:, :2] += np.array([canvas.width / 2, canvas.height / 2])
-    return np.asarray(scaled)
-
-
-def _shoots(rewrite: Rewrite) -> list[Shoot]:
-    """The new nodes of an addition."""
-    if rewrite.fit is not None:
-        return [(float(a), float(b), float(c)) for a, b, c in rewrite.fit.reshape(-1, 3)]
-    if rewrite.rule == "add-leaf":
-        return [(rewrite.data[1], rewrite.data[2], rewrite.data[3])]
-    _, count, length, turn, tip, link = rewrite.data
-    return [(length, turn, link)] * (int(count) - 1) + [(length, turn, tip)]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Workbench:
-    """A program prepared for trials: its leaves' poses in pixels, its coverage, and what each leaf alone covers.
-
-    covered: (height, width) coverage. loss: (n,) by how much the squared error grows without each leaf. cost: squared
-    error that a node must earn. scale: world units of a pixel for lengths and sizes, (3,). most: (3,) limits in pixels.
-    """
-
-    grammar: Tree
-    program: Program[Structure]
-    target: Floats
-    pose: Floats
-    covered: Floats
-    loss: Floats
-    cost: float
-    scale: Floats
-    most: Floats
-    ramp: float
-    steps: int
-
-    @classmethod
-    def of(
-        cls, grammar: Tree, program: Program[Structure], target: Floats, canvas: Canvas, price: float, steps: int
-    ) -> Workbench:
-        """Draw the program once."""
-        pose = _on(poses_of(program), canvas)
-        best, second, owner = layers(
-            pose, grammar.leaf.excess, grammar.leaf.offset, canvas.height, canvas.width, canvas.ramp
-        )
-        limits = program.structure.limits
-        scale = np.array([canvas.pixel, 1.0, canvas.pixel])
-        return cls(
-            grammar=grammar,
-            program=program,
-            target=target,
-            pose=pose,
-            covered=best,
-            loss=losses(best, second, owner, target, len(pose)),
-            cost=price * canvas.size,
-            scale=scale,
-            most=np.array([limits.length, limits.angle, limits.size]) / scale,
-            ramp=canvas.ramp,
-            steps=steps,
-        )
-
-    def leaves(self, nodes: Sequence[int]) -> list[Trial]:
-        """The best new leaf of each node that pays."""
-        angle, size = self.most[1:]
-        guess = size if self.program.structure.limits.sized else self.grammar.size / self.scale[2]
-        starts = np.array(
-            [(share * self.most[0], turn, part * guess)
-             for share in STARTS for turn in (-angle, 0.0, angle) for part in ((0.5, 1.0) if guess == size else (1.0,))]
-        )  # fmt: skip
-        gains, shoots = best_shoots(
-            np.array(nodes, np.int64), self.pose, starts, self.most, self.program.structure.limits.sized,
-            self.covered, self.target, self.grammar.leaf.excess, self.grammar.leaf.offset, self.ramp, self.steps,
-        )  # fmt: skip
-        found = []
-        for i, gain, shoot in zip(nodes, gains.tolist(), shoots, strict=True):
-            if gain > self.cost:
-                data = (float(i), *(shoot * self.scale).tolist())
-                found.append(self._trial("add-leaf", i, data, shoot[None], gain - self.cost))
-        return found
-
-    def chain(self, rewrite: Rewrite) -> list[Trial]:
-        """A chain of nodes to a place, if it pays."""
-        i = int(rewrite.data[0])
-        table = np.array([(0.0, 0.0, 0.0), *_shoots(rewrite)]) / self.scale
-        gain = self._fitted(table, self.pose[i], self.most) - self.cost * (len(table) - 1)
-        return [self._trial(rewrite.rule, i, rewrite.data, table[1:], gain)] if gain > 0 else []
-
-    def split(self, rewrite: Rewrite) -> list[Trial]:
-        """A node on a branch, if it pays: a new leaf that may slide along the branch."""
-        i = int(rewrite.data[0])
-        before = self.pose[self.program.structure.parents[i]].copy()
-        before[2] = self.pose[i, 2]
-        length = float(np.hypot(*(self.pose[i, :2] - before[:2])))
-        size = self.most[2] if self.program.structure.limits.sized else self.grammar.size / self.scale[2]
-        table = np.array([(0.0, 0.0, 0.0), (length / 2, 0.0, size)])
-        gain = self._fitted(table, before, np.array([length, 0.0, self.most[2]])) - self.cost
-        if gain <= 0 or length == 0.0:
-            return []
-        trial = self._trial("split", i, rewrite.data, table[1:], gain, before)
-        fit = np.array([table[1, 0] / length, table[1, 2] * self.scale[2]])
-        return [Trial(replace(trial.rewrite, fit=fit), trial.gain)]
-
-    def removal(self, rewrite: Rewrite) -> list[Trial]:
-        """A node whose leaf is worth less than a node costs."""
-        gain = self.cost - float(self.loss[int(rewrite.data[0])])
-        return [Trial(rewrite, gain / self.target.size)] if gain > 0 else []
-
-    def _fitted(self, table: Floats, pose: Floats, most: Floats) -> float:
-        return float(
-            fit_chain(
-                table, pose, most, self.program.structure.limits.sized, self.covered, self.target,
-                self.grammar.leaf.excess, self.grammar.leaf.offset, self.ramp, self.steps,
-            )
-        )  # fmt: skip
-
-    def _trial(
-        self, rule: str, node: int, data: tuple[float, ...], shoots: Floats, gain: float, before: Floats | None = None
-    ) -> Trial:
-        """A trial whose sites are its node and the squares of the canvas (negative numbers) where its leaves lie."""
-        start = self.pose[node] if before is None else before
-        table = np.concatenate([np.zeros((1, 3)), shoots])
-        there = poses(np.arange(len(table)) - 1, table, start[0], start[1], start[2])[1:]
-        middle = self.grammar.leaf.offset * there[:, 3]
-        x = ((there[:, 0] + middle * np.cos(there[:, 2])) // TILE).astype(int)
-        y = ((there[:, 1] + middle * np.sin(there[:, 2])) // TILE).astype(int)
-        squares = (-1 - (x % 4096) - 4096 * (y % 4096)).tolist()
-        fit = (shoots * self.scale).ravel()
-        return Trial(Rewrite(rule, frozenset((node, *squares)), data, fit), gain / self.target.size)

@@ -19,7 +19,9 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from d4cad.program import Floats
+from d4cad.canvas import Canvas
+from d4cad.grammars.tree.structure import ROOT_HEADING, Structure, table_of
+from d4cad.program import Floats, Program
 
 Ints = NDArray[np.int64]
 
@@ -41,6 +43,19 @@ def poses(parent: Ints, table: Floats, root_x: float, root_y: float, root_headin
         out[i, HEADING] = heading
         out[i, SIZE] = table[i, 2]
     return out
+
+
+def poses_of(program: Program[Structure]) -> Floats:
+    """Place, heading and leaf size of every node in world units, (n, 4)."""
+    x, y = program.structure.root
+    return np.asarray(poses(program.structure.parent, table_of(program), x, y, ROOT_HEADING))
+
+
+def on_canvas(pose: Floats, canvas: Canvas) -> Floats:
+    """Poses in the canvas' pixels."""
+    scaled = pose * np.array([1 / canvas.pixel, 1 / canvas.pixel, 1.0, 1 / canvas.pixel])
+    scaled[:, :2] += np.array([canvas.width / 2, canvas.height / 2])
+    return np.asarray(scaled)
 
 
 @nb.njit(cache=True)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from d4cad.grammars.tree.structure import PER_NODE, Limits, Structure, program_of, table_of
-from d4cad.program import Edit, Floats, Program
+from d4cad.program import Edit, Floats, Program, Rewrite
 
 Shoot = tuple[float, float, float]
 """Length, angle and leaf size of a new node."""
@@ -224,3 +224,13 @@ def chain_to(pose: Floats, point: tuple[float, float], estimate: float, limits: 
         if abs(2 * half) <= limits.angle + SLACK and far <= limits.length * span:
             return count, far / span, 2 * half
     return 0, 0.0, 0.0
+
+
+def shoots(rewrite: Rewrite) -> list[Shoot]:
+    """The new nodes of an addition."""
+    if rewrite.fit is not None:
+        return [(float(a), float(b), float(c)) for a, b, c in rewrite.fit.reshape(-1, 3)]
+    if rewrite.rule == "add-leaf":
+        return [(rewrite.data[1], rewrite.data[2], rewrite.data[3])]
+    _, count, length, turn, tip, link = rewrite.data
+    return [(length, turn, link)] * (int(count) - 1) + [(length, turn, tip)]

@@ -36,9 +36,9 @@ class Structure:
     """A rooted tree.
 
     parents: of every node, -1 for node 0, the root, and less than the node's own number for the others. root: the
-    root's fixed place in world units. limits: of the parameters. Parameters of a program: the root's leaf size; then of every other node the
-    length of its branch, its angle against its parent's heading, and its leaf size. Lengths and sizes in world units,
-    angles in radians, counter-clockwise; the root's heading is up.
+    root's fixed place in world units. limits: of the parameters. Parameters of a program: the root's leaf size; then of
+    every other node the length of its branch, its angle against its parent's heading, and its leaf size. Lengths and
+    sizes in world units, angles in radians, counter-clockwise; the root's heading is up.
     """
 
     parents: tuple[int, ...]

@@ -158,7 +158,7 @@ def fit_chain(
                 break
         else:
             damping *= 10.0
-    return -value
+    return float(-value)
 
 
 @nb.njit(cache=True, error_model="numpy")
