@@ -220,11 +220,13 @@ class LevenbergMarquardt:
         right, rest = -here.gradient, np.zeros_like(diagonal)
         if resting is not None:
             right[resting] = 0.0
-            rest[resting] = 1e18 * floor  # so stiff that they stay, to rounding
+            rest[resting] = 1e18 * floor  # so stiff that the others do not count on them
         found: Floats | None = right if diagonal.size == 0 else None
         while found is None:
             found = curvature.solve(damping * diagonal + floor + rest, right)
             damping = max(10 * damping, 1e-6)
+        if resting is not None:
+            found[resting] = 0.0
         longest = float(np.abs(found).max(initial=0.0))
         return found * min(1.0, self.reach / longest) if longest > 0 else found
 

@@ -123,6 +123,7 @@ def fit_chain(
             rows = assemble(parent, here, block, before, first)
         shift = np.empty(m)
         right = -gradient
+        resting = np.zeros(m, np.bool_)
         stiffest = 1e-9
         for v in range(m):
             stiffest = max(stiffest, rows[first[v]])
@@ -135,13 +136,14 @@ def fit_chain(
             if node == 0 or at_low or at_high or (kind == 2 and not sized):
                 shift[v] = STIFF * stiffest
                 right[v] = 0.0
+                resting[v] = True
         step, good = solve(rows, before, first, shift, right)
         if not good:
             break
         tried = table.copy()
         for v in range(1, m):
             node, kind = (v + 2) // 3, (v + 2) % 3
-            if kind == 2 and not sized:
+            if resting[v]:
                 continue
             low = -most[1] if kind == 1 else 0.0
             tried[node, kind] = min(max(table[node, kind] + step[v], low), most[kind])
