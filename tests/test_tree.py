@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from d4cad.canvas import Canvas
 from d4cad.errors import GeometryError, GrammarError
 from d4cad.grammars.tree import Limits, Structure, Tree, subtree_metric
-from d4cad.grammars.tree.kinematics import on_canvas, poses_of
+from d4cad.grammars.tree.kinematics import TreeMatrix, on_canvas, poses_of
 from d4cad.grammars.tree.leaves import DISC, LEAVES, POINTED, Leaf, distance, run, slope
 from d4cad.grammars.tree.raster import layers, scan
 from d4cad.grammars.tree.structure import bounds, program_of, table_of
@@ -113,9 +113,10 @@ def test_gradient_and_curvature_are_those_of_the_coverage(name: str, leaf: Leaf)
     residual = (band.coverage - target).ravel()
     np.testing.assert_allclose(found.gradient, 2 * jacobian.T @ residual / CANVAS.size, atol=2e-8)
     np.testing.assert_allclose(band.pull_back(target), jacobian.T @ target.ravel(), atol=1e-4)
-    curvature = found.curvature.dense()  # type: ignore[union-attr]
+    assert isinstance(found.curvature, TreeMatrix)
+    curvature = found.curvature.dense()
     np.testing.assert_allclose(curvature, 2 * jacobian.T @ jacobian / CANVAS.size, atol=1e-6)
-    np.testing.assert_allclose(found.curvature.diagonal(), np.diagonal(curvature))  # type: ignore[union-attr]
+    np.testing.assert_allclose(found.curvature.diagonal(), np.diagonal(curvature))
 
 
 @pytest.mark.parametrize("count", [1, 2, 40])
@@ -123,10 +124,12 @@ def test_the_tree_matrix_solves_as_a_dense_one(count: int) -> None:
     rng = np.random.default_rng(count)
     program = random_tree(count, count)
     curvature = ImageLoss.of(rng.uniform(size=CANVAS.shape)).evaluate(Tree().rasterize(program, CANVAS)).curvature
-    assert curvature is not None
+    assert isinstance(curvature, TreeMatrix)
     shift, right = rng.uniform(0.01, 1, program.params.size), rng.normal(size=program.params.size)
-    matrix = curvature.dense() + np.diag(shift)  # type: ignore[union-attr]
-    np.testing.assert_allclose(curvature.solve(shift, right), np.linalg.solve(matrix, right), rtol=1e-8)
+    matrix = curvature.dense() + np.diag(shift)
+    found = curvature.solve(shift, right)
+    assert found is not None
+    np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=1e-8)
     assert curvature.solve(-2 * curvature.diagonal() - 1, right) is None
 
 
@@ -319,6 +322,7 @@ def test_structures_round_trip_and_hash() -> None:
     assert Tree().decode(Tree().encode(structure)) == structure
     assert hash(structure) == hash(Structure((-1, 0, 1, 1), (0.5, -1.5), Limits(size=0.1, sized=False)))
     good = Tree().encode(structure)
+    wrong: object
     for wrong in (
         None, [], {}, {**good, "parents": [-1, 0.5]}, {**good, "parents": 3}, {**good, "root": [1]},
         {**good, "root": ["a", 2]}, {**good, "limits": {"length": -1, "angle": 0, "size": 1, "sized": True}},
