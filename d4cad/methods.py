@@ -73,6 +73,6 @@ def fast_rectangles(canvas: Canvas, floor: float = 0.0) -> Method:
 def fast_tree(canvas: Canvas, floor: float = 0.0) -> Method:
     """Ours for trees, which fill shapes with many leaves: the price of a node falls to where leaves only smooth the
     boundary. ``floor`` as for :func:`fast`."""
-    prices = [max(price, floor / canvas.size) for price in (4e-4, 1e-4, 4e-5, 2e-5)]
+    prices = [max(price, floor / canvas.size) for price in (4e-4, 1e-4, 4e-5, 2e-5, 1e-5)]
     stages = tuple(Stage(canvas.ramp, price, rounds=60) for price in prices)
     return Method(stages, (8, 4), LevenbergMarquardt(bounds=tree_bounds, tolerance=1e-3), LocalFit(6))
