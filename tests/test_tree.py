@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import asin, cos, pi, sin
+from math import asin, cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from d4cad.errors import GeometryError, GrammarError
 from d4cad.grammars.tree import Limits, Structure, Tree, subtree_metric
 from d4cad.grammars.tree.kinematics import TreeMatrix, on_canvas, poses_of
 from d4cad.grammars.tree.leaves import DISC, LEAVES, POINTED, Leaf, distance, run, slope
+from d4cad.grammars.tree.outline import union
 from d4cad.grammars.tree.raster import layers, scan
 from d4cad.grammars.tree.structure import bounds, program_of, table_of
 from d4cad.objectives.image import ImageLoss
@@ -292,6 +293,18 @@ def test_branches_join_all_leaves_into_one_part() -> None:
     assert Tree().outline(bare, branches=0.1).area == pytest.approx(0.02 + pi * 0.0025)
     with pytest.raises(GeometryError, match="bounds no region"):
         Tree().outline(bare)
+
+
+def test_pinholes_and_specks_are_no_part() -> None:
+    """Three discs that leave a gap of under a pixel of the paper's canvas between them, and one far smaller."""
+
+    def found(side: float) -> list[int]:
+        discs = [(0.0, 0.0, 0.2), (side, 0.0, 0.2), (side / 2, side * sqrt(0.75), 0.2), (1.0, 1.0, 0.004)]
+        pose = np.array([(x, y, 0.0, r) for x, y, r in discs])
+        return [len(face.holes) for face in union((-1, 0, 0, 0), pose, DISC, 0.0).faces]
+
+    assert found(0.348) == [0]
+    assert found(0.38) == [1]
 
 
 # Structure and limits

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 
 LEAST = 1e-3
 """World units, a twelfth of a pixel of the paper's canvas, under which a leaf is a bare node and no material."""
+PINHOLE = 1.4e-4
+"""World area, that of a pixel of the paper's canvas, under which a gap between leaves is filled and what stands alone
+is dropped."""
 POINT = 1e-9
 """World units under which a branch has no direction."""
 
@@ -52,9 +55,10 @@ def branch_loop(a: Floats, b: Floats, width: float) -> Loop:
 
 
 def union(parents: tuple[int, ...], pose: Floats, leaf: Leaf, branches: float) -> Sketch:
-    """The union of all leaves, and of branches of the width ``branches`` between the nodes if that is not 0, exactly.
+    """The union of all leaves, and of branches of the width ``branches`` between the nodes if that is not 0, exactly
+    but for holes and specks under a PINHOLE.
 
-    pose: (n, 4) in world units. Raises GeometryError where there is neither.
+    pose: (n, 4) in world units. Raises GeometryError where nothing is left.
     """
     from d4cad.arrangement import regions
     from d4cad.sketch import Sketch
@@ -62,6 +66,7 @@ def union(parents: tuple[int, ...], pose: Floats, leaf: Leaf, branches: float) -
     loops = [leaf_loop(one, leaf) for one in pose if one[3] > LEAST]
     if branches > 0:
         loops += [branch_loop(pose[parent], pose[node], branches) for node, parent in enumerate(parents) if parent >= 0]
-    if not loops:
+    bounding = [loop for loop in regions(loops) if abs(loop.area) > PINHOLE]
+    if not bounding:
         raise GeometryError("a tree without leaves bounds no region")
-    return Sketch.from_loops(regions(loops), "world")
+    return Sketch.from_loops(bounding, "world")
