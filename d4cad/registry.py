@@ -14,6 +14,7 @@ from d4cad.grammars.arc_line import ArcLine, sagitta_metric
 from d4cad.grammars.arc_line import places as arc_places
 from d4cad.grammars.tree import Limits, Tree
 from d4cad.grammars.tree import places as tree_places
+from d4cad.grammars.tree.leaves import DISC
 from d4cad.grammars.union_rect import UnionRect, angle_metric
 from d4cad.grammars.union_rect import places as rect_places
 from d4cad.methods import fast, fast_rectangles, fast_tree, paper, paper_rectangles, paper_tree
@@ -134,8 +135,9 @@ VARIANTS = {
     "Tr-4": _tree("add-leaf", "split", "remove-leaf", "remove-branch"),
     "Tr-5": _tree("add-leaf", "split", "remove-leaf", "remove-branch", "add-anywhere"),
     "Tr-F": _without("tree"),
+    "Tr-disc": Variant("tree", tuple(tree.FACTS), {"leaf": DISC}, "leaves are discs"),
 }
-"""The paper's ablations (SPEC 1.7)."""
+"""The paper's ablations (SPEC 1.7), and trees of discs."""
 
 
 def entry(grammar: str) -> Entry:

@@ -203,7 +203,7 @@ def changed(tmp_path: Path, **changes: Any) -> Path:
         ({"structure": ["LLX"]}, "list of words"),
         ({"structure": ["L"], "params": [0.0, 0.0]}, "at least 2 edges"),
         ({"structure": ["LLLL"], "params": [0, 0, 1, 1, 1, 0, 0, 2]}, "crosses or touches"),
-        ({"grammar": "tree"}, "no grammar 'tree'"),
+        ({"grammar": "spline"}, "no grammar 'spline'"),
         ({"stop": "bored"}, "stop is 'bored'"),
         ({"settings": {"placement": {"width": -1}}}, "positive"),
         ({"settings": {"placement": {"width": "wide"}}}, "wrong width"),
@@ -240,7 +240,7 @@ def test_notebooks_show_a_drawing() -> None:
     ("how", "message"),
     [
         ({"method": "quick"}, "no method 'quick', expected one of: fast, paper"),
-        ({"grammar": "tree"}, "no grammar 'tree'"),
+        ({"grammar": "spline"}, "no grammar 'spline'"),
         ({"seed": -1}, "seed"),
         ({"max_time": 0.0}, "time limit"),
         ({"max_time": np.nan}, "time limit"),

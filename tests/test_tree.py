@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import asin, cos, pi, sin, sqrt
 
 import numpy as np
@@ -43,6 +44,10 @@ ROOT = (0.013, -0.021)
 def chain(*rows: tuple[float, float, float], size: float = 0.1) -> Program[Structure]:
     structure = Structure(tuple(range(-1, len(rows))), ROOT)
     return program_of(structure, np.array([(0.0, 0.0, size), *rows]))
+
+
+def with_leaf(program: Program[Structure], leaf: Leaf) -> Program[Structure]:
+    return Program(replace(program.structure, leaf=leaf), program.params)
 
 
 def by_definition(program: Program[Structure], canvas: Canvas, leaf: Leaf) -> Floats:
@@ -99,7 +104,7 @@ def test_the_jacobian_of_the_poses(name: str) -> None:
 @pytest.mark.parametrize("name", SINGULAR)
 @pytest.mark.parametrize("leaf", LEAVES.values(), ids=LEAVES)
 def test_gradient_and_curvature_are_those_of_the_coverage(name: str, leaf: Leaf) -> None:
-    program, grammar = SINGULAR[name], Tree(leaf=leaf)
+    program, grammar = with_leaf(SINGULAR[name], leaf), Tree()
     target = np.random.default_rng(1).uniform(size=CANVAS.shape)
     band = grammar.rasterize(program, CANVAS)
     found = ImageLoss.of(target).evaluate(band)
@@ -213,8 +218,8 @@ def test_a_row_meets_a_level_in_one_run(x: float, y: float, heading: float, r: f
 @given(st.integers(0, 10**6), st.sampled_from([POINTED, DISC]), st.sampled_from([0.5, 0.70710678, 3.0]))
 def test_raster_is_the_least_distance(seed: int, leaf: Leaf, ramp: float) -> None:
     canvas = Canvas(40, 48, 3 / 48, ramp)
-    program = random_tree(seed, 25)
-    band = Tree(leaf=leaf).rasterize(program, canvas)
+    program = with_leaf(random_tree(seed, 25), leaf)
+    band = Tree().rasterize(program, canvas)
     exact = by_definition(program, canvas, leaf)
     np.testing.assert_allclose(band.coverage, exact, atol=1e-12)
     assert len(set(zip(band.row.tolist(), band.col.tolist(), strict=True))) == len(band.row)
@@ -268,7 +273,7 @@ def test_outline_of_one_leaf_and_of_one_disc() -> None:
     big = 0.5 * (1 + POINTED.excess)
     lens = big**2 * asin(0.8 / big) - POINTED.excess * 0.5 * 0.8
     assert Tree().outline(program).area == pytest.approx(pi / 2 * 0.25 + lens, rel=1e-12)
-    assert Tree(leaf=DISC).outline(program).area == pytest.approx(pi * 0.25, rel=1e-12)
+    assert Tree().outline(with_leaf(program, DISC)).area == pytest.approx(pi * 0.25, rel=1e-12)
     tip = max(y for loop in Tree().outline(program).loops for _, y in loop.points)
     assert tip == pytest.approx(-0.1 + 2.6 * 0.5)
 
@@ -276,19 +281,19 @@ def test_outline_of_one_leaf_and_of_one_disc() -> None:
 @pytest.mark.parametrize("leaf", LEAVES.values(), ids=LEAVES)
 @pytest.mark.parametrize("seed", range(4))
 def test_outline_has_the_area_of_the_raster(seed: int, leaf: Leaf) -> None:
-    program = random_tree(seed, 30)
+    program = with_leaf(random_tree(seed, 30), leaf)
     fine = Canvas.square(2048)
-    sketch = Tree(leaf=leaf).outline(program)
-    raster = Tree(leaf=leaf).rasterize(program, fine).coverage.sum() * fine.pixel**2
+    sketch = Tree().outline(program)
+    raster = Tree().rasterize(program, fine).coverage.sum() * fine.pixel**2
     assert sketch.area == pytest.approx(raster, rel=1e-3)
 
 
 def test_branches_join_all_leaves_into_one_part() -> None:
-    program = chain((0.2, 0.1, 0.05), (0.2, -0.1, 0.0), (0.2, 0.1, 0.05), (0.0, 0.0, 0.05), size=0.05)
-    assert len(Tree(leaf=DISC).outline(program).faces) == 3
-    joined = Tree(leaf=DISC).outline(program, branches=0.02)
+    program = with_leaf(chain((0.2, 0.1, 0.05), (0.2, -0.1, 0.0), (0.2, 0.1, 0.05), (0.0, 0.0, 0.05), size=0.05), DISC)
+    assert len(Tree().outline(program).faces) == 3
+    joined = Tree().outline(program, branches=0.02)
     assert len(joined.faces) == 1
-    assert joined.area > Tree(leaf=DISC).outline(program).area
+    assert joined.area > Tree().outline(program).area
     bare = chain((0.2, 0.0, 0.0), size=0.0)
     assert Tree().outline(bare, branches=0.1).area == pytest.approx(0.02 + pi * 0.0025)
     with pytest.raises(GeometryError, match="bounds no region"):
@@ -331,15 +336,16 @@ def test_limits() -> None:
 
 
 def test_structures_round_trip_and_hash() -> None:
-    structure = Structure((-1, 0, 1, 1), (0.5, -1.5), Limits(size=0.1, sized=False))
+    structure = Structure((-1, 0, 1, 1), (0.5, -1.5), Limits(size=0.1, sized=False), DISC)
     assert Tree().decode(Tree().encode(structure)) == structure
-    assert hash(structure) == hash(Structure((-1, 0, 1, 1), (0.5, -1.5), Limits(size=0.1, sized=False)))
+    assert hash(structure) == hash(Structure((-1, 0, 1, 1), (0.5, -1.5), Limits(size=0.1, sized=False), DISC))
     good = Tree().encode(structure)
     wrong: object
     for wrong in (
         None, [], {}, {**good, "parents": [-1, 0.5]}, {**good, "parents": 3}, {**good, "root": [1]},
         {**good, "root": ["a", 2]}, {**good, "limits": {"length": -1, "angle": 0, "size": 1, "sized": True}},
         {**good, "limits": {"length": 1}, "root": [float("nan"), 0]}, {**good, "parents": [-1, 5]},
+        {**good, "leaf": "oak"},
     ):  # fmt: skip
         with pytest.raises(GrammarError):
             Tree().decode(wrong)

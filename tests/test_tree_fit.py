@@ -14,7 +14,7 @@ from d4cad.cli import app
 from d4cad.fit import Fit, fit_coverage, load_program
 from d4cad.grammars.tree import Limits, Tree, bounds
 from d4cad.grammars.tree.kinematics import poses_of
-from d4cad.grammars.tree.leaves import DISC
+from d4cad.grammars.tree.leaves import DISC, LEAVES
 from d4cad.grammars.tree.structure import Structure, program_of, table_of
 from d4cad.methods import fast_tree, paper_tree
 from d4cad.objectives.image import ImageLoss
@@ -112,7 +112,11 @@ def test_the_paper_s_method_grows_a_tree() -> None:
 
 
 def test_variants_are_rewrites_and_settings() -> None:
-    made = {name: make_grammar("tree", "paper", CANVAS, name) for name in VARIANTS if name.startswith("Tr-")}
+    made = {
+        name: make_grammar("tree", "paper", CANVAS, name)
+        for name in VARIANTS
+        if name.startswith("Tr-") and name != "Tr-disc"
+    }
     assert list(made) == ["Tr-1", "Tr-2", "Tr-3", "Tr-4", "Tr-5", "Tr-F"]
     trees = [tree for tree in made.values() if isinstance(tree, Tree)]
     assert [len(tree.rules) for tree in trees] == [1, 2, 2, 4, 5, 5]
@@ -121,6 +125,15 @@ def test_variants_are_rewrites_and_settings() -> None:
     assert [tree.limits.sized for tree in trees] == [False] * 5 + [True]
     assert [tree.bottom for tree in trees] == ["shape"] * 5 + ["frame"]
     assert [tree.least for tree in trees] == [0.0] * 5 + [0.03]
+
+
+def test_trees_of_discs(tmp_path: Path) -> None:
+    found = fit_coverage(slab(), CANVAS, grammar="tree", variant="Tr-disc")
+    assert found.psnr > 24
+    found.save(tmp_path / "discs.json")
+    again = load_program(tmp_path / "discs.json")
+    assert again.program.structure.leaf == DISC
+    assert again.outline == found.outline
 
 
 def test_the_paper_s_settings() -> None:
@@ -133,12 +146,12 @@ def test_the_paper_s_settings() -> None:
     assert min(prices) == pytest.approx(1e3 / CANVAS.size)
 
 
-@pytest.mark.parametrize("leaf", ["pointed", "disc"])
+@pytest.mark.parametrize("leaf", LEAVES)
 def test_steps_with_bounds_find_a_leaf(leaf: str) -> None:
     """One branch whose best angle, length and size are beyond their limits, which the steps end at."""
-    grammar = Tree(leaf=DISC) if leaf == "disc" else Tree()
+    grammar, shape = Tree(), LEAVES[leaf]
     big = Limits(length=0.5, angle=1.0, size=0.4)
-    want = program_of(Structure((-1, 0), (0.0, -0.6), big), np.array([(0, 0, 0.0), (0.3, 0.4, 0.3)]))
+    want = program_of(Structure((-1, 0), (0.0, -0.6), big, shape), np.array([(0, 0, 0.0), (0.3, 0.4, 0.3)]))
     start = program_of(replace(want.structure, limits=Limits(0.25, 0.1, 0.2)), np.array([(0, 0, 0.0), (0.2, 0, 0.15)]))
     loss = ImageLoss.of(grammar.rasterize(want, CANVAS).coverage)
     stepper = LevenbergMarquardt(bounds=bounds)

@@ -13,7 +13,7 @@ from d4cad.canvas import Canvas
 from d4cad.errors import GrammarError
 from d4cad.grammars.tree.facts import FACTS
 from d4cad.grammars.tree.kinematics import Kinematics, on_canvas, poses_of
-from d4cad.grammars.tree.leaves import POINTED, Leaf
+from d4cad.grammars.tree.leaves import LEAVES, POINTED, Leaf
 from d4cad.grammars.tree.outline import union
 from d4cad.grammars.tree.places import DemandPlaces, Places, shape_bottom
 from d4cad.grammars.tree.raster import scan, slopes
@@ -52,7 +52,7 @@ LEAST_SHARE = 0.01
 class Tree:
     """Leaves on a tree.
 
-    rules: the names of the rewrites in use. limits: of a program's parameters. leaf: the shape of leaves. places: where
+    rules: the names of the rewrites in use. limits, leaf: of the axiom, which its programs keep. places: where
     chains of nodes are proposed to lead, each from the ``reach`` nodes that get there with the fewest. bottom: one of
     BOTTOMS; seat: the root's place if known, else that of the canvas' bottom. sprout: branch length of a new leaf;
     size: its leaf size, and that of the axiom's. tip, link: leaf sizes of the last node of a new chain and of those
@@ -89,7 +89,7 @@ class Tree:
         root = self.seat or (0.0, -canvas.extent[1])
         size = min(self.size, self.limits.size)
         table = np.array([[0.0, 0.0, size], [min(FIRST_BRANCH, self.limits.length), 0.0, size]])
-        return program_of(Structure((-1, 0), root, self.limits), table)
+        return program_of(Structure((-1, 0), root, self.limits, self.leaf), table)
 
     def complexity(self, program: Program[Structure]) -> float:
         """Number of nodes besides the root."""
@@ -109,7 +109,8 @@ class Tree:
         """Coverage, its derivative by the leaves' poses, and the kinematics by which parameters move those."""
         pose = poses_of(program)
         on = on_canvas(pose, canvas)
-        excess, offset = self.leaf.excess, self.leaf.offset
+        leaf = program.structure.leaf
+        excess, offset = leaf.excess, leaf.offset
         row, col, cover, wound, piece, spans = scan(on, excess, offset, 0, canvas.height, 0, canvas.width, canvas.ramp)
         slope = slopes(on, excess, offset, row, col, piece, canvas.ramp, 1 / canvas.pixel)
         columns = np.full((len(pose), NUMBERS), -1, np.int64)
@@ -140,12 +141,12 @@ class Tree:
         """All rewrites of the enabled rules whose guards allow them."""
         table = table_of(program)
         nodes = Nodes.of(program)
-        limit = self.limits.angle
+        limits = program.structure.limits
         found = []
         for i, below in enumerate(nodes.children):
             for side in (1.0, -1.0) if not below else (1.0,) if len(below) == 1 and table[below[0], 1] < 0 else (-1.0,):
                 if len(below) < MOST_CHILDREN:
-                    data = (float(i), self.sprout, side * limit, min(self.size, self.limits.size))
+                    data = (float(i), self.sprout, side * limits.angle, min(self.size, limits.size))
                     found.append(Rewrite("add-leaf", frozenset((i,)), data))
         for i in range(1, len(table)):
             share = min(max(self.epsilon / max(table[i, 0], 1e-9), LEAST_SHARE), 1 - LEAST_SHARE)
@@ -158,19 +159,20 @@ class Tree:
                 elif joined(nodes, i) is not None:
                     found.append(Rewrite("remove-branch", frozenset((i, nodes.children[i][0])), (float(i),)))
         if "add-anywhere" in self.rules:
-            found += self._chains(program, self.places(demand, canvas, self.limits, len(table), rng))
+            found += self._chains(program, self.places(demand, canvas, limits, len(table), rng))
         return [rewrite for rewrite in found if rewrite.rule in self.rules]
 
     def _chains(self, program: Program[Structure], places: Sequence[tuple[float, float, float]]) -> list[Rewrite]:
         pose = poses_of(program)
+        limits = program.structure.limits
         full = program.structure.children >= MOST_CHILDREN
         found = []
         for x, y, size in places:
-            lengths = np.where(full, np.inf, chain_lengths(pose, (x, y), self.limits))
+            lengths = np.where(full, np.inf, chain_lengths(pose, (x, y), limits))
             for i in np.argsort(lengths, kind="stable")[: self.reach].tolist():
                 if not isfinite(lengths[i]):
                     break
-                count, length, turn = chain_to(pose[i], (x, y), float(lengths[i]), self.limits)
+                count, length, turn = chain_to(pose[i], (x, y), float(lengths[i]), limits)
                 if count:
                     tip, link = (size, size) if size > 0 else (self.tip, self.link)
                     data = (float(i), float(count), length, turn, tip, link)
@@ -204,7 +206,7 @@ class Tree:
         steps: int,
     ) -> list[Trial]:
         """Each rewrite with the numbers that at most ``steps`` local steps find for its new nodes, and its gain."""
-        bench = Workbench.of(self.leaf, self.size, program, loss.table.target, canvas, price, steps)
+        bench = Workbench.of(self.size, program, loss.table.target, canvas, price, steps)
         found: list[Trial] = []
         leaves = sorted({int(r.data[0]) for r in rewrites if r.rule == "add-leaf"})
         if leaves:
@@ -221,12 +223,13 @@ class Tree:
     def outline(self, program: Program[Structure], branches: float = 0.0) -> Sketch:
         """The exact union of the leaves in world units, and of branches of the width ``branches`` if that is not 0, by
         which all leaves hold together."""
-        return union(program.structure.parents, poses_of(program), self.leaf, branches)
+        return union(program.structure.parents, poses_of(program), program.structure.leaf, branches)
 
     def encode(self, structure: Structure) -> Any:
-        """Parents, the root's place and the limits."""
+        """Parents, the root's place, the limits and the leaf's name."""
         limits = structure.limits
         return {
+            "leaf": next(name for name, leaf in LEAVES.items() if leaf == structure.leaf),
             "parents": list(structure.parents),
             "root": list(structure.root),
             "limits": {
@@ -236,9 +239,10 @@ class Tree:
 
     def decode(self, value: Any) -> Structure:
         """The structure back from what :meth:`encode` gives."""
-        wrong = GrammarError(f"a Tree structure is an object of parents, root and limits, got {str(value)[:80]}")
+        wrong = GrammarError(f"a Tree structure is an object of leaf, parents, root and limits, got {str(value)[:80]}")
         try:
-            parents, (x, y), limits = value["parents"], value["root"], Limits(**value["limits"])
+            leaf, parents, (x, y) = LEAVES[value["leaf"]], value["parents"], value["root"]
+            limits = Limits(**value["limits"])
         except (TypeError, ValueError, KeyError):
             raise wrong from None
         numbers = (x, y, limits.length, limits.angle, limits.size)
@@ -246,4 +250,4 @@ class Tree:
             raise wrong
         if not all(type(v) in (int, float) and isfinite(v) for v in numbers) or min(numbers[2:]) < 0:
             raise wrong
-        return Structure(tuple(parents), (float(x), float(y)), limits)
+        return Structure(tuple(parents), (float(x), float(y)), limits, leaf)

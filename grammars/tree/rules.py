@@ -6,7 +6,7 @@ by returning False.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import atan2, cos, hypot, inf, pi, sin
 
 import numpy as np
@@ -82,7 +82,7 @@ class Nodes:
             stack += reversed(self.children[node])
         number = {node: k for k, node in enumerate(order)}
         parents = tuple(-1 if node == 0 else number[self.parent[node]] for node in order)
-        structure = Structure(parents, self.structure.root, self.limits)
+        structure = replace(self.structure, parents=parents)
         program = program_of(structure, np.array([self.row[node] for node in order]))
         old = np.array([self.origin[node] for node in order])[:, None]
         origin = np.where(old >= 0, PER_NODE * old + np.arange(PER_NODE) - 2, -1)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from d4cad.errors import GrammarError
+from d4cad.grammars.tree.leaves import POINTED, Leaf
 from d4cad.program import Floats, Program
 
 PER_NODE = 3
@@ -36,14 +37,16 @@ class Structure:
     """A rooted tree.
 
     parents: of every node, -1 for node 0, the root, and less than the node's own number for the others. root: the
-    root's fixed place in world units. limits: of the parameters. Parameters of a program: the root's leaf size; then of
-    every other node the length of its branch, its angle against its parent's heading, and its leaf size. Lengths and
-    sizes in world units, angles in radians, counter-clockwise; the root's heading is up.
+    root's fixed place in world units. limits: of the parameters. leaf: the shape of all leaves. Parameters of a
+    program: the root's leaf size; then of every other node the length of its branch, its angle against its parent's
+    heading, and its leaf size. Lengths and sizes in world units, angles in radians, counter-clockwise; the root's
+    heading is up.
     """
 
     parents: tuple[int, ...]
     root: tuple[float, float]
     limits: Limits = Limits()
+    leaf: Leaf = POINTED
 
     def __post_init__(self) -> None:
         if not self.parents or self.parents[0] != -1:

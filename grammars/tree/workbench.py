@@ -9,7 +9,6 @@ import numpy as np
 
 from d4cad.canvas import Canvas
 from d4cad.grammars.tree.kinematics import on_canvas, poses, poses_of
-from d4cad.grammars.tree.leaves import Leaf
 from d4cad.grammars.tree.raster import layers
 from d4cad.grammars.tree.rules import shoots
 from d4cad.grammars.tree.structure import Structure
@@ -27,13 +26,12 @@ STARTS = (0.25, 0.5, 1.0)
 class Workbench:
     """A program prepared for trials: its leaves' poses in pixels, its coverage, and what each leaf alone covers.
 
-    leaf: the shape of leaves; size: that of new ones in world units where sizes are fixed. pose: (n, 4) in pixels.
+    size: that of new leaves in world units where sizes are fixed. pose: (n, 4) in pixels.
     covered: (height, width) coverage. loss: (n,) by how much the squared error grows without each leaf. cost: squared
     error that a node must earn. scale: world units of a pixel for lengths, of a radian for angles, of a pixel for
     sizes, (3,). most: (3,) limits in pixels and radians.
     """
 
-    leaf: Leaf
     size: float
     program: Program[Structure]
     target: Floats
@@ -49,7 +47,6 @@ class Workbench:
     @classmethod
     def of(
         cls,
-        leaf: Leaf,
         size: float,
         program: Program[Structure],
         target: Floats,
@@ -59,11 +56,11 @@ class Workbench:
     ) -> Workbench:
         """Draw the program once."""
         pose = on_canvas(poses_of(program), canvas)
+        leaf = program.structure.leaf
         best, second, owner = layers(pose, leaf.excess, leaf.offset, canvas.height, canvas.width, canvas.ramp)
         limits = program.structure.limits
         scale = np.array([canvas.pixel, 1.0, canvas.pixel])
         return cls(
-            leaf=leaf,
             size=size,
             program=program,
             target=target,
@@ -85,9 +82,10 @@ class Workbench:
             [(share * self.most[0], turn, part * guess)
              for share in STARTS for turn in (-angle, 0.0, angle) for part in ((0.5, 1.0) if guess == size else (1.0,))]
         )  # fmt: skip
+        structure = self.program.structure
         gains, best = best_shoots(
-            np.array(nodes, np.int64), self.pose, starts, self.most, self.program.structure.limits.sized,
-            self.covered, self.target, self.leaf.excess, self.leaf.offset, self.ramp, self.steps,
+            np.array(nodes, np.int64), self.pose, starts, self.most, structure.limits.sized,
+            self.covered, self.target, structure.leaf.excess, structure.leaf.offset, self.ramp, self.steps,
         )  # fmt: skip
         found = []
         for i, gain, shoot in zip(nodes, gains.tolist(), best, strict=True):
@@ -124,10 +122,11 @@ class Workbench:
         return [Trial(rewrite, gain / self.target.size)] if gain > 0 else []
 
     def _fitted(self, table: Floats, pose: Floats, most: Floats) -> float:
+        structure = self.program.structure
         return float(
             fit_chain(
-                table, pose, most, self.program.structure.limits.sized, self.covered, self.target,
-                self.leaf.excess, self.leaf.offset, self.ramp, self.steps,
+                table, pose, most, structure.limits.sized, self.covered, self.target,
+                structure.leaf.excess, structure.leaf.offset, self.ramp, self.steps,
             )
         )  # fmt: skip
 
@@ -138,7 +137,7 @@ class Workbench:
         start = self.pose[node] if before is None else before
         table = np.concatenate([np.zeros((1, 3)), found])
         there = poses(np.arange(len(table)) - 1, table, start[0], start[1], start[2])[1:]
-        middle = self.leaf.offset * there[:, 3]
+        middle = self.program.structure.leaf.offset * there[:, 3]
         x = ((there[:, 0] + middle * np.cos(there[:, 2])) // TILE).astype(int)
         y = ((there[:, 1] + middle * np.sin(there[:, 2])) // TILE).astype(int)
         squares = (-1 - (x % 4096) - 4096 * (y % 4096)).tolist()
