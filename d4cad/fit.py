@@ -26,7 +26,7 @@ from d4cad.objectives.image import ImageLoss
 from d4cad.outputs import check_output
 from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
 from d4cad.program import Floats, Program
-from d4cad.protocols import Grammar
+from d4cad.protocols import Composed, Grammar
 from d4cad.registry import entry, make_grammar, make_method
 from d4cad.sketch import Sketch
 
@@ -107,6 +107,24 @@ class Fit:
         picture's own resolution counts, or 96 dpi. origin: "corner" or "center" of the part's bounding box at (0, 0).
         """
         return self.placement(width, scale, dpi, origin).place(self.outline, self.canvas)
+
+    def rectangles(
+        self,
+        width: float | None = None,
+        scale: float | None = None,
+        dpi: float | None = None,
+        origin: str | None = None,
+    ) -> tuple[Sketch, ...]:
+        """The rectangles whose union the part is, each as a sketch in mm at its place in the part; they lap over each
+        other. Size and origin as for :meth:`sketch`.
+
+        Raises InputError for a grammar without rectangles.
+        """
+        if not isinstance(self.grammar, Composed):
+            raise InputError(f"a program in the grammar {self.grammar.name} is not a union of rectangles")
+        placement = self.placement(width, scale, dpi, origin)
+        pieces = self.grammar.rectangles(self.program)
+        return tuple(placement.place(self.outline, self.canvas, piece) for piece in pieces)
 
     def notes(self, placement: Placement, *, solid: bool) -> tuple[str, ...]:
         """What was assumed for a part so placed, a sentence each; ``solid``: whether a thickness matters."""

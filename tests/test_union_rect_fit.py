@@ -88,6 +88,16 @@ def test_parts_are_valid_in_both_kernels(frame: Fit, tmp_path: Path) -> None:
     assert other.Volume() == pytest.approx(2 * area, rel=1e-6)
 
 
+def test_rectangles_by_themselves(frame: Fit) -> None:
+    pieces = frame.rectangles(width=40)
+    bounds = np.array([piece.bounds for piece in pieces])
+    assert len(pieces) == 4
+    assert [*bounds[:, :2].min(axis=0), *bounds[:, 2:].max(axis=0)] == pytest.approx([0, 0, 40, 40], abs=1e-3)
+    assert all(piece.unit == "mm" for piece in pieces)
+    with pytest.raises(InputError, match="arc-line is not a union of rectangles"):
+        fit_coverage(target(FRAME), CANVAS, max_time=0.1).rectangles()
+
+
 def test_the_paper_s_method_improves_and_has_no_unknown_rewrite() -> None:
     found = fitted(CROSS, method="paper", seed=1, max_time=20.0)
     assert found.psnr > found.history[0].psnr + 3
