@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache
 from math import inf, isfinite, log10, sqrt
@@ -414,7 +415,13 @@ def joined_outline(grammar: Grammar[Any], program: Program[Any], canvas: Canvas,
     band = max(int(np.count_nonzero((coverage > 0) & (coverage < 1))), 1)
     off = LEEWAY * 2 * canvas.ramp * sqrt(error * canvas.size / band)
     low, high = JOINING
-    return grammar.outline(program).simplified(min(max(off, low), high) * canvas.pixel)
+    outline, tolerance = grammar.outline(program), min(max(off, low), high)
+    while tolerance >= low:
+        joined = outline.simplified(tolerance * canvas.pixel)
+        with suppress(GeometryError):  # where two parts of the outline are nearer to each other than the tolerance
+            return Sketch.from_loops(joined.loops, joined.unit)
+        tolerance /= 10
+    return outline
 
 
 def decibels(error: float) -> float:
