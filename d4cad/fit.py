@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from math import inf, isfinite, log10, sqrt
@@ -26,7 +27,7 @@ from d4cad.objectives.image import ImageLoss
 from d4cad.outputs import check_output
 from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
 from d4cad.program import Floats, Program
-from d4cad.protocols import Grammar
+from d4cad.protocols import Composed, Grammar
 from d4cad.registry import entry, make_grammar, make_method
 from d4cad.sketch import Sketch
 
@@ -108,6 +109,24 @@ class Fit:
         picture's own resolution counts, or 96 dpi. origin: as :class:`d4cad.placement.Placement` has it.
         """
         return self.placement(width, scale, dpi, origin).place(self.outline, self.canvas)
+
+    def rectangles(
+        self,
+        width: float | None = None,
+        scale: float | None = None,
+        dpi: float | None = None,
+        origin: str | None = None,
+    ) -> tuple[Sketch, ...]:
+        """The rectangles whose union the part is, each as a sketch in mm at its place in the part; they lap over each
+        other. Size and origin as for :meth:`sketch`.
+
+        Raises InputError for a grammar without rectangles.
+        """
+        if not isinstance(self.grammar, Composed):
+            raise InputError(f"a program in the grammar {self.grammar.name} is not a union of rectangles")
+        placement = self.placement(width, scale, dpi, origin)
+        pieces = self.grammar.rectangles(self.program)
+        return tuple(placement.place(self.outline, self.canvas, piece) for piece in pieces)
 
     def notes(self, placement: Placement, *, solid: bool) -> tuple[str, ...]:
         """What was assumed for a part so placed, a sentence each; ``solid``: whether a thickness matters."""
@@ -362,9 +381,13 @@ def joined_outline(grammar: Grammar[Any], program: Program[Any], canvas: Canvas,
     band = max(int(np.count_nonzero((coverage > 0) & (coverage < 1))), 1)
     off = LEEWAY * 2 * canvas.ramp * sqrt(error * canvas.size / band)
     low, high = JOINING
-    if entry(grammar.name).counted is not None:  # a union has corners too close to each other for more
-        high = low
-    return grammar.outline(program).simplified(min(max(off, low), high) * canvas.pixel)
+    outline, tolerance = grammar.outline(program), min(max(off, low), high)
+    while tolerance >= low:
+        joined = outline.simplified(tolerance * canvas.pixel)
+        with suppress(GeometryError):  # where two parts of the outline are nearer to each other than the tolerance
+            return Sketch.from_loops(joined.loops, joined.unit)
+        tolerance /= 10
+    return outline
 
 
 def decibels(error: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -120,6 +120,15 @@ class Grammar(Protocol[S]):
 
     def decode(self, value: Any) -> S:
         """The structure back from JSON values; GrammarError if they are not one."""
+        ...
+
+
+@runtime_checkable
+class Composed(Protocol):
+    """A grammar whose shapes are unions of rectangles, which CAD users may want by themselves."""
+
+    def rectangles(self, program: Program[Any]) -> tuple[Sketch, ...]:
+        """Every rectangle as a sketch in world units."""
         ...
 
 

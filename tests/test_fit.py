@@ -20,10 +20,13 @@ from scipy.ndimage import gaussian_filter
 import d4cad
 from d4cad.canvas import Canvas
 from d4cad.descent import Record, Stop
-from d4cad.errors import ExportError, InputError
-from d4cad.fit import Fit, decibels, fit_coverage, fit_image, load_program
+from d4cad.errors import ExportError, GeometryError, InputError
+from d4cad.fit import Fit, decibels, fit_coverage, fit_image, joined_outline, load_program
+from d4cad.grammars.arc_line import ArcLine, Structure
 from d4cad.outputs import EXTENSIONS
 from d4cad.placement import Placement
+from d4cad.program import Program
+from d4cad.sketch import Sketch
 
 SIDE = 96
 
@@ -296,3 +299,16 @@ def test_public_names() -> None:
     assert {"fit_image", "load_program", "__version__"} <= set(dir(d4cad))
     with pytest.raises(AttributeError, match="nothing"):
         d4cad.nothing  # noqa: B018
+
+
+def test_joining_leaves_an_outline_that_bounds_a_region() -> None:
+    """A hole that is thinner than the tolerance, a tenth of a pixel, is joined by a lesser one."""
+    canvas, half = Canvas.square(64), 0.02 * 3 / 64
+    plate = [-0.8, -0.8, 0.8, -0.8, 0.8, 0.8, -0.8, 0.8]
+    slit = [-0.3, -half, -0.3, half, 0.3, half, 0.3, -half]
+    program = Program(Structure((4, 4), (False,) * 8), np.array([*plate, *slit]))
+    grammar = ArcLine(canvas.pixel)
+    with pytest.raises(GeometryError, match="no area"):
+        Sketch.from_loops(grammar.outline(program).simplified(0.1 * canvas.pixel).loops)
+    found = joined_outline(grammar, program, canvas, 1e-2)
+    assert Sketch.from_loops(found.loops).area == pytest.approx(1.6**2 - 1.2 * half, rel=1e-9)

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from d4cad.canvas import Canvas
 from d4cad.cli import app
 from d4cad.errors import InputError
-from d4cad.fit import Fit, fit_coverage, load_program
+from d4cad.fit import Fit, fit_coverage, joined_outline, load_program
 from d4cad.grammars.union_rect import UnionRect
 from d4cad.grammars.union_rect.structure import program_of
 from d4cad.program import Floats
@@ -88,6 +88,16 @@ def test_parts_are_valid_in_both_kernels(frame: Fit, tmp_path: Path) -> None:
     assert other.Volume() == pytest.approx(2 * area, rel=1e-6)
 
 
+def test_rectangles_by_themselves(frame: Fit) -> None:
+    pieces = frame.rectangles(width=40)
+    bounds = np.array([piece.bounds for piece in pieces])
+    assert len(pieces) == 4
+    assert [*bounds[:, :2].min(axis=0), *bounds[:, 2:].max(axis=0)] == pytest.approx([0, 0, 40, 40], abs=1e-3)
+    assert all(piece.unit == "mm" for piece in pieces)
+    with pytest.raises(InputError, match="arc-line is not a union of rectangles"):
+        fit_coverage(target(FRAME), CANVAS, max_time=0.1).rectangles()
+
+
 def test_the_paper_s_method_improves_and_has_no_unknown_rewrite() -> None:
     found = fitted(CROSS, method="paper", seed=1, max_time=20.0)
     assert found.psnr > found.history[0].psnr + 3
@@ -147,3 +157,17 @@ def test_grammars_are_listed() -> None:
         "exact": True,
     }
     assert facts["union-rect"]["variants"]["UR-1"] == [r for r in GRAMMARS["union-rect"].rules if r != "add-rect"]
+
+
+def test_a_slit_between_rectangles_is_not_a_hole() -> None:
+    """Found in a fit: less than a tenth of a pixel wide, it vanished when its sides were joined."""
+    rects = np.array(
+        [
+            [0.6555, -0.7675, 0.3334, 0.0520, 2.4466],
+            [0.4622, -0.4990, 0.7142, 0.0260, -0.7852],
+            [-0.2478, -0.2571, 0.7137, 0.3501, -0.7851],
+        ]
+    )
+    program, canvas = program_of(rects), Canvas.square(256)
+    (face,) = joined_outline(UnionRect(canvas.pixel), program, canvas, 1e-2).faces
+    assert face.holes == ()

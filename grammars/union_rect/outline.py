@@ -24,8 +24,8 @@ AGREE = 0.1
 def union(rects: Floats, grain: float) -> Sketch:
     """The boundary of the union of rectangles (n, 5), in their unit.
 
-    Edges under a tenth of the length ``grain`` are left out, and holes of under two grains squared are filled; corners
-    that touch are pulled apart by a thousandth of it.
+    Edges under a tenth of the length ``grain`` are left out, and holes of under two grains squared or about one grain
+    wide are filled; corners that touch are pulled apart by a thousandth of it.
     """
     from d4cad.sketch import Sketch
 
@@ -41,7 +41,10 @@ def union(rects: Floats, grain: float) -> Sketch:
         if found[-1][0] <= AGREE + 16 * growth * len(drawn):
             break
     _, loops = min(found, key=lambda item: item[0])
-    return Sketch.from_loops([loop.scaled(grain) for loop in loops], "world")
+    kept = [
+        loop for loop in loops if loop.area > 0 or -2 * loop.area > loop.length
+    ]  # a slit's area is half its length times its width
+    return Sketch.from_loops([loop.scaled(grain) for loop in kept], "world")
 
 
 def _boundary(points: Floats) -> list[Loop]:
