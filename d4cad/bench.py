@@ -39,6 +39,7 @@ class Request:
     out: Path
     bitmaps: Path | None = None
     grammar: str = "arc-line"
+    variant: str | None = None
     method: str = "fast"
     seed: int = 0
     limit: int | None = None
@@ -53,8 +54,8 @@ class Request:
         if self.jobs < 1:
             raise InputError(f"the number of jobs must be 1 or more, got {self.jobs}")
         canvas = Canvas.square(RESOLUTION)
-        make_grammar(self.grammar, self.method, canvas)
-        make_method(self.method, canvas, 1.0)
+        make_grammar(self.grammar, self.method, canvas, self.variant)
+        make_method(self.method, canvas, 1.0, self.grammar)
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +171,7 @@ def _fit(case: Case, truth: Sketch, request: Request) -> Fit:
     how: dict[str, Any] = {
         "method": request.method,
         "grammar": request.grammar,
+        "variant": request.variant,
         "seed": request.seed,
         "max_time": request.max_time,
         "init": request.init,

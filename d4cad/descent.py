@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from d4cad.canvas import Canvas
 from d4cad.interrupts import Interrupts, postponed
-from d4cad.program import Program, Rewrite
+from d4cad.program import Program, Rewrite, dense
 from d4cad.protocols import STIFF, Bonded, Estimator, Evaluation, Grammar, Loss, Objective, Stepper, Trial
 
 S = TypeVar("S")
@@ -317,7 +317,7 @@ class Search(Generic[S]):
         return Evaluation(
             evaluation.value + stiff * float(off @ off),
             evaluation.gradient + 2 * stiff * (off @ jacobian),
-            evaluation.curvature + 2 * stiff * (jacobian.T @ jacobian),
+            dense(evaluation.curvature) + 2 * stiff * (jacobian.T @ jacobian),
         )
 
     def _strained(self, program: Program[S], loss: Loss) -> float:

@@ -21,6 +21,10 @@ TOUCH = 5
 REACH = 11
 """Side in pixels of the window within which a pixel counts as near an edge."""
 
+AREA_RAMP = 0.5
+"""Half-width in pixels of the ramp nearest to area coverage."""
+AREA_PRICE = 0.03
+"""Least gain of a primitive in summed squared error where area coverage is fitted by that ramp."""
 BLUR_PRICE = 0.25
 """The same for each square pixel of a blurred ramp's half-width: a blur also rounds the corners, over such an area."""
 BINARY_PRICE = 0.6
@@ -54,6 +58,10 @@ class EdgeModel:
     floor: float
     noise: float = 0.0
     slack: float = 0.0
+
+    def ramped(self) -> EdgeModel:
+        """The model for a raster that knows ramps only, not area coverage."""
+        return self if self.ramp != AREA else EdgeModel(AREA_RAMP, max(AREA_PRICE, self.floor), self.noise)
 
 
 def exact(target: Floats, canvas: Canvas, noise: float = 0.0) -> EdgeModel:

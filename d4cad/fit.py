@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from math import inf, isfinite, log10, sqrt
@@ -28,8 +29,8 @@ from d4cad.outputs import check_output
 from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
 from d4cad.preprocess import is_restless
 from d4cad.program import Floats, Program
-from d4cad.protocols import Grammar, Tracer
-from d4cad.registry import make_grammar, make_method
+from d4cad.protocols import Composed, Grammar, Tracer
+from d4cad.registry import entry, make_grammar, make_method
 from d4cad.relations import Relation
 from d4cad.sketch import Sketch
 from d4cad.snapping import Snap, scale_of, snapped
@@ -93,9 +94,14 @@ class Fit:
         return self.outline.relations
 
     @property
+    def counted(self) -> str | None:
+        """What the grammar counts, such as "rectangle"; None where the outline's edges count."""
+        return entry(self.grammar.name).counted
+
+    @property
     def primitives(self) -> int:
-        """Number of lines and arcs of the outline, a full circle counting two."""
-        return self.outline.primitives
+        """Number of what the grammar counts, or else of lines and arcs of the outline, a full circle counting two."""
+        return self.outline.primitives if self.counted is None else self.grammar.primitives(self.program)
 
     @property
     def coverage(self) -> Floats:
@@ -131,6 +137,24 @@ class Fit:
         picture's own resolution counts, or 96 dpi. origin: as :class:`d4cad.placement.Placement` has it.
         """
         return self.placement(width, scale, dpi, origin).place(self.outline, self.canvas)
+
+    def rectangles(
+        self,
+        width: float | None = None,
+        scale: float | None = None,
+        dpi: float | None = None,
+        origin: str | None = None,
+    ) -> tuple[Sketch, ...]:
+        """The rectangles whose union the part is, each as a sketch in mm at its place in the part; they lap over each
+        other. Size and origin as for :meth:`sketch`.
+
+        Raises InputError for a grammar without rectangles.
+        """
+        if not isinstance(self.grammar, Composed):
+            raise InputError(f"a program in the grammar {self.grammar.name} is not a union of rectangles")
+        placement = self.placement(width, scale, dpi, origin)
+        pieces = self.grammar.rectangles(self.program)
+        return tuple(placement.place(self.outline, self.canvas, piece) for piece in pieces)
 
     def notes(self, placement: Placement, *, solid: bool) -> tuple[str, ...]:
         """What was assumed for a part so placed, a sentence each; ``solid``: whether a thickness matters."""
@@ -188,7 +212,8 @@ class Fit:
         """Write target, outline with vertices, and error as .png or .svg. Raises ExportError."""
         if self.target is None:
             raise ExportError(f"cannot write {path}: a preview needs the picture, and a program file has none")
-        title = f"{self.settings.get('picture', 'picture')}: {self.primitives} primitives, {self.psnr:.1f} dB"
+        count = f"{self.primitives} {self.counted or 'primitive'}s"
+        title = f"{self.settings.get('picture', 'picture')}: {count}, {self.psnr:.1f} dB"
         preview.write_preview(Path(path), self.outline, self.canvas, self.target, self.coverage, title)
 
     def document(
@@ -230,6 +255,7 @@ def fit_image(
     *,
     method: str = "fast",
     grammar: str = "arc-line",
+    variant: str | None = None,
     init: str | PathLike[str] | Fit | None = None,
     seed: int = 0,
     max_time: float | None = None,
@@ -244,23 +270,24 @@ def fit_image(
 ) -> Fit:
     """Fit a program to a picture.
 
-    image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". init:
-    "contour", the picture's traced outline; "axiom", the grammar's own start; or a program file or fit to go on from.
-    None is the contour for method "fast", if the grammar can draw it, and the axiom for "paper". max_time: seconds.
-    threshold, invert, smooth, despeckle: as :func:`d4cad.images.load` has them. watch: called with a Record after every
-    round. ramp: half-width in pixels of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster.
-    snap: make relations exact that the picture makes likely (:mod:`d4cad.regularize`); None: unless the method is
-    "paper". size: of the part, if known: sizes in mm may be made round then. A picture of more than 1024 pixels a side
-    is fitted at a coarse scale first, see :func:`d4cad.pyramid.fit_pyramid`. Raises InputError for what cannot be used.
-    Ctrl-C ends the search with the best program so far.
+    image: a file, or an array (H, W) or (H, W, C) whose row 0 is the top. method: "fast" or "paper". variant: a named
+    subset of the grammar's rewrites, None for all that the method uses. init: "contour", the picture's traced outline;
+    "axiom", the grammar's own start; or a program file or fit to go on from. None is the contour for method "fast", if
+    the grammar can draw it, and the axiom for "paper". max_time: seconds. threshold, invert, smooth, despeckle: as
+    :func:`d4cad.images.load` has them. watch: called with a Record after every round. ramp: half-width in pixels of the
+    picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster. snap: make relations exact that the
+    picture makes likely (:mod:`d4cad.regularize`); None: unless the method is "paper". size: of the part, if known:
+    sizes in mm may be made round then. A picture of more than 1024 pixels a side is fitted at a coarse scale first, see
+    :func:`d4cad.pyramid.fit_pyramid`. Raises InputError for what cannot be used. Ctrl-C ends the search with the best
+    program so far.
     """
     _check_request(seed, max_time, ramp)
     start = _start(init, grammar)
     picture = load(image, threshold=threshold, invert=invert, smooth=smooth, despeckle=despeckle)
     asked = {"threshold": threshold, "invert": invert, "smooth": smooth, "despeckle": despeckle}
     return fit_picture(
-        picture, method=method, grammar=grammar, init=start, seed=seed, max_time=max_time, watch=watch, ramp=ramp,
-        snap=snap, size=size, asked=asked,
+        picture, method=method, grammar=grammar, variant=variant, init=start, seed=seed, max_time=max_time,
+        watch=watch, ramp=ramp, snap=snap, size=size, asked=asked,
     )  # fmt: skip
 
 
@@ -269,6 +296,7 @@ def fit_picture(
     *,
     method: str = "fast",
     grammar: str = "arc-line",
+    variant: str | None = None,
     init: str | Fit | None = None,
     seed: int = 0,
     max_time: float | None = None,
@@ -285,6 +313,8 @@ def fit_picture(
     target = _framed(picture.target)
     canvas = Canvas.for_image(target.shape, AREA if ramp is None else ramp)
     model = measured(target, picture.noise) if ramp is None else exact(target, canvas, picture.noise)
+    if not entry(grammar).area:
+        model = model.ramped()
     notes = [*picture.notes]
     if max_time is None and is_restless(target):
         max_time = PATIENCE
@@ -299,6 +329,7 @@ def fit_picture(
         canvas.with_ramp(model.ramp),
         method=method,
         grammar=grammar,
+        variant=variant,
         init=init,
         seed=seed,
         max_time=max_time,
@@ -321,6 +352,7 @@ def fit_coverage(
     *,
     method: str = "fast",
     grammar: str = "arc-line",
+    variant: str | None = None,
     init: str | PathLike[str] | Fit | None = "axiom",
     seed: int = 0,
     max_time: float | None = None,
@@ -343,7 +375,8 @@ def fit_coverage(
         raise InputError(f"expected a target of shape {canvas.shape}, got {target.shape}")
     start, snap = _start(init, grammar), method != "paper" if snap is None else snap
     floor = exact(target, canvas).floor if floor is None else floor
-    language, settings = make_grammar(grammar, method, canvas), make_method(method, canvas, floor, grammar)
+    language = make_grammar(grammar, method, canvas, variant, target)
+    settings = make_method(method, canvas, floor, grammar)
     if max_time is not None:
         warm(grammar, method)
     cpu, wall = time.process_time(), time.perf_counter()
@@ -384,6 +417,7 @@ def fit_coverage(
         wall=wall,
         settings={
             "method": method,
+            "variant": variant,
             "seed": seed,
             "init": start if isinstance(start, str) else "program",
             "max_time": max_time,
@@ -471,7 +505,8 @@ def warm(grammar: str, method: str) -> None:
     """Compile or load the kernels, once in a process, so that no time limit or measured time has it."""
     target = np.zeros((32, 32))
     target[8:24, 8:24] = 1
-    for ramp in (AREA, PAPER_RAMP):
+    target[16:24, 16:24] = 0
+    for ramp in (AREA, PAPER_RAMP) if entry(grammar).area else (PAPER_RAMP,):
         fit_coverage(target, Canvas.square(32, ramp), grammar=grammar, method=method, init=None, floor=10.0)
 
 
@@ -492,7 +527,13 @@ def joined_outline(grammar: Grammar[Any], program: Program[Any], canvas: Canvas,
     band = max(int(np.count_nonzero((coverage > 0) & (coverage < 1))), 1)
     off = LEEWAY * 2 * (canvas.ramp or 0.5) * sqrt(error * canvas.size / band)
     low, high = JOINING
-    return grammar.outline(program).simplified(min(max(off, low), high) * canvas.pixel)
+    outline, tolerance = grammar.outline(program), min(max(off, low), high)
+    while tolerance >= low:
+        joined = outline.simplified(tolerance * canvas.pixel)
+        with suppress(GeometryError):  # where two parts of the outline are nearer to each other than the tolerance
+            return Sketch.from_loops(joined.loops, joined.unit)
+        tolerance /= 10
+    return outline
 
 
 def decibels(error: float) -> float:

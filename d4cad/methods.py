@@ -10,6 +10,8 @@ from typing import Any
 from d4cad.canvas import AREA, Canvas
 from d4cad.descent import Method, Stage
 from d4cad.estimators import LocalFit, Stepped
+from d4cad.grammars.tree.structure import bounds as tree_bounds
+from d4cad.grammars.tree.structure import subtree_metric
 from d4cad.program import Floats, Program
 from d4cad.steppers import ClippedGradient, LevenbergMarquardt
 
@@ -33,9 +35,29 @@ def paper(canvas: Canvas, metric: Callable[[Program[Any]], Floats] | None = None
 
     ``metric``: the grammar's scaling of the gradient, if the paper has one.
     """
-    stepper = ClippedGradient(metric=metric)
-    stage = Stage(ramp=canvas.ramp, price=1e-5, rounds=200, patience=25, tolerance=5e-3)
-    return Method((stage,), (10, 10, 5), stepper, Stepped(stepper, 1), 64, (("add-loop", 0.25),), recheck=False)
+    return _published(canvas, ClippedGradient(metric=metric), 1e-5, (("add-loop", 0.25),))
+
+
+def paper_rectangles(canvas: Canvas, metric: Callable[[Program[Any]], Floats]) -> Method:
+    """The publication's settings for rectangles (SPEC 1.7, UR-F)."""
+    return _published(canvas, ClippedGradient(rate=0.2, least=0.005, metric=metric), 1e-4)
+
+
+def paper_tree(canvas: Canvas) -> Method:
+    """The publication's settings for trees (SPEC 1.7, Tr-F)."""
+    stepper = ClippedGradient(rate=0.5, least=0.1, metric=subtree_metric, bounds=tree_bounds)
+    return _published(canvas, stepper, 1e-4, patience=10)
+
+
+def _published(
+    canvas: Canvas,
+    stepper: ClippedGradient,
+    price: float,
+    reserved: tuple[tuple[str, float], ...] = (),
+    patience: int = 25,
+) -> Method:
+    stage = Stage(ramp=canvas.ramp, price=price, rounds=200, patience=patience, tolerance=5e-3)
+    return Method((stage,), (10, 10, 5), stepper, Stepped(stepper, 1), 64, reserved, recheck=False)
 
 
 def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
@@ -71,3 +93,22 @@ def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
     elif canvas.ramp == AREA or floor > OPEN * canvas.size:
         sharp.append(last)
     return Method((*wide, *sharp), (12, 6, 6), LevenbergMarquardt(), LocalFit(4))
+
+
+def fast_rectangles(canvas: Canvas, floor: float = 0.0) -> Method:
+    """Ours for rectangles, which approach most shapes and seldom reach them: no price is low enough to end at.
+
+    The price is a mean squared error, as the paper's is: it falls to the paper's 1e-4, where more rectangles pay than
+    are wanted, and is then doubled, so that those go that earn the least. ``floor`` as for :func:`fast`.
+    """
+    prices = [max(price, floor / canvas.size) for price in (1.6e-3, 4e-4, 1e-4, 2e-4)]
+    stages = tuple(Stage(canvas.ramp, price, rounds=100) for price in prices)
+    return Method(stages, (12, 6, 6), LevenbergMarquardt(), LocalFit(8))
+
+
+def fast_tree(canvas: Canvas, floor: float = 0.0) -> Method:
+    """Ours for trees, which fill shapes with many leaves: the price of a node falls to where leaves only smooth the
+    boundary. ``floor`` as for :func:`fast`."""
+    prices = [max(price, floor / canvas.size) for price in (4e-4, 1e-4, 4e-5, 2e-5, 1e-5)]
+    stages = tuple(Stage(canvas.ramp, price, rounds=60) for price in prices)
+    return Method(stages, (8, 4), LevenbergMarquardt(bounds=tree_bounds, tolerance=1e-3), LocalFit(6))

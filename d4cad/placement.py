@@ -57,8 +57,11 @@ class Placement:
         """Whether a size is given."""
         return not (self.width is None and self.scale is None and self.dpi is None)
 
-    def place(self, outline: Sketch, canvas: Canvas) -> Sketch:
-        """A sketch in world units of ``canvas`` as a part in mm; at 96 dpi if no size is given."""
+    def place(self, outline: Sketch, canvas: Canvas, piece: Sketch | None = None) -> Sketch:
+        """A sketch in world units of ``canvas`` as a part in mm; at 96 dpi if no size is given.
+
+        piece: what to place in its stead, where it lies in the part.
+        """
         xmin, ymin, xmax, ymax = outline.bounds
         factor = self.factor(outline, canvas)
         if self.origin == "drawing":
@@ -68,7 +71,7 @@ class Placement:
         else:
             x, y = (xmin, ymin) if self.origin == "corner" else ((xmin + xmax) / 2, (ymin + ymax) / 2)
         # Moved first: in the part's own corner the coordinates keep their digits, and the corner is exactly 0.
-        return outline.translated(-x, -y).scaled(factor, "mm")
+        return (outline if piece is None else piece).translated(-x, -y).scaled(factor, "mm")
 
     def factor(self, outline: Sketch, canvas: Canvas) -> float:
         """mm per world unit of ``outline`` on ``canvas``."""

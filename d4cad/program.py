@@ -1,9 +1,9 @@
-"""The values that every room passes: programs, rewrites, edits."""
+"""The values that every room passes: programs, rewrites, edits, curvatures."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,3 +59,26 @@ class Edit(Generic[S]):
             np.where(self.origin >= 0, values[self.origin], fresh) if values.size else np.full(self.origin.shape, fresh)
         )
         return np.asarray(carried, dtype=np.float64)
+
+
+class Curvature(Protocol):
+    """A symmetric matrix (n, n) that knows how to solve with itself."""
+
+    def __mul__(self, factor: float) -> Curvature:
+        """The matrix times a number."""
+        ...
+
+    def diagonal(self) -> Floats:
+        """The diagonal (n,)."""
+        ...
+
+    def solve(self, shift: Floats, right: Floats) -> Floats | None:
+        """x (n,) with (matrix + diag(shift)) x = right, or None where that sum is not positive definite."""
+        ...
+
+
+def dense(curvature: Floats | Curvature | None) -> Floats:
+    """The curvature where it must be an array (n, n), as every grammar but those with a chain has it."""
+    if not isinstance(curvature, np.ndarray):
+        raise TypeError(f"expected a curvature that is an array, got {type(curvature).__name__}")
+    return curvature

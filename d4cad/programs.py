@@ -21,7 +21,7 @@ from d4cad.grammars.arc_line.structure import Structure
 from d4cad.importers import Drawing
 from d4cad.placement import Placement, stated
 from d4cad.program import Floats, Program
-from d4cad.registry import entry
+from d4cad.registry import entry, make_grammar
 from d4cad.sketch import Sketch
 
 FILL = 0.9
@@ -94,7 +94,7 @@ def moved_onto(start: Fit, target: Floats, canvas: Canvas) -> Program[Structure]
 
 def _decoded(file: io.ProgramFile) -> Fit:
     found = entry(file.grammar)
-    grammar = found.fast(file.canvas)
+    grammar = make_grammar(file.grammar, "fast", file.canvas)
     structure = grammar.decode(file.structure)
     if len(file.params) != found.size(structure):
         raise InputError(f"its structure has {found.size(structure)} parameters, but its params are {len(file.params)}")

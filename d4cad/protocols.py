@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from d4cad.canvas import Canvas
-from d4cad.program import Edit, Floats, Program, Rewrite
+from d4cad.program import Curvature, Edit, Floats, Program, Rewrite
 from d4cad.raster.band import Band
 
 if TYPE_CHECKING:
@@ -30,7 +30,21 @@ class Evaluation:
 
     value: float
     gradient: Floats
-    curvature: Floats | None = None
+    curvature: Floats | Curvature | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RuleFacts:
+    """What is known of a kind of rewrite, for people and for tests.
+
+    effect: what it does. guard: when it is offered. inverse: the kind of rewrite that undoes it, None if none does so
+    exactly. exact: whether the shape is the same before and after, so that the raster does not jump.
+    """
+
+    effect: str
+    guard: str = "always"
+    inverse: str | None = None
+    exact: bool = False
 
 
 class Loss(Protocol):
@@ -142,6 +156,15 @@ class Bonded(Protocol):
 
     def tightened(self, program: Program[Any]) -> Program[Any]:
         """The nearest program with all bonds 0."""
+        ...
+
+
+@runtime_checkable
+class Composed(Protocol):
+    """A grammar whose shapes are unions of rectangles, which CAD users may want by themselves."""
+
+    def rectangles(self, program: Program[Any]) -> tuple[Sketch, ...]:
+        """Every rectangle as a sketch in world units."""
         ...
 
 

@@ -1,53 +1,146 @@
-"""Grammars and methods by the names they have on the command line."""
+"""Grammars, their variants and methods by the names they have on the command line."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from d4cad.canvas import Canvas
 from d4cad.descent import Method
 from d4cad.errors import InputError
+from d4cad.grammars import arc_line, tree, union_rect
 from d4cad.grammars.arc_line import ArcLine, sagitta_metric
-from d4cad.grammars.arc_line.places import UniformPlaces
-from d4cad.methods import fast, paper
-from d4cad.program import Floats, Program
-from d4cad.protocols import Grammar
+from d4cad.grammars.arc_line import places as arc_places
+from d4cad.grammars.tree import Limits, Tree
+from d4cad.grammars.tree import places as tree_places
+from d4cad.grammars.tree.leaves import DISC
+from d4cad.grammars.union_rect import UnionRect, angle_metric
+from d4cad.grammars.union_rect import places as rect_places
+from d4cad.methods import fast, fast_rectangles, fast_tree, paper, paper_rectangles, paper_tree
+from d4cad.program import Floats
+from d4cad.protocols import Grammar, RuleFacts
 
 PAPER_LOSSY = 0.03
 """World length by which the paper lets a lossy rewrite move the outline (SPEC 3)."""
+PAPER_THIN = 0.01
+"""Half-size under which the paper's repair drops a rectangle (SPEC 4.2)."""
 PAPER_RULES = ("split", "to-arc", "to-line", "merge-line", "merge-arc", "close", "add-loop", "remove-loop")
+
+Rules = frozenset[str]
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A grammar: as the default method wants it, as the paper has it, the number of parameters of a structure,
-    and the paper's scaling of the gradient."""
+    """A grammar and how the methods use it.
 
-    fast: Callable[[Canvas], Grammar[Any]]
-    paper: Callable[[Canvas], Grammar[Any]]
+    fast, paper: the grammar with the given rules as the default method and as the paper has it. methods: their settings
+    by name, given the canvas and the last price of a primitive in summed squared error. size: number of parameters of a
+    structure. rules: facts of all its rewrites by name. paper_rules: those that the paper has. counted: what its
+    programs count, if that is not the edges of the outline. for_target: the grammar with an axiom made for a target.
+    area: whether its raster can be that of exact area coverage.
+    """
+
+    fast: Callable[[Canvas, Rules], Grammar[Any]]
+    paper: Callable[[Canvas, Rules], Grammar[Any]]
+    methods: Mapping[str, Callable[[Canvas, float], Method]]
     size: Callable[[Any], int]
-    metric: Callable[[Program[Any]], Floats] | None = None
+    rules: Mapping[str, RuleFacts]
+    paper_rules: tuple[str, ...]
+    counted: str | None = None
+    for_target: Callable[[Any, Floats, Canvas], Grammar[Any]] | None = None
+    area: bool = False
 
 
-def _paper_arc_line(canvas: Canvas) -> ArcLine:
-    rules = frozenset(PAPER_RULES)
-    return ArcLine(canvas.pixel, rules, UniformPlaces(), PAPER_LOSSY / canvas.pixel, arc_weight=1.0)
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """A named ablation of the paper: a grammar with some of its rewrites, what else of the grammar differs, and that in
+    words."""
+
+    grammar: str
+    rules: tuple[str, ...]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    note: str = ""
+
+
+def _paper_arc_line(canvas: Canvas, rules: Rules) -> ArcLine:
+    return ArcLine(canvas.pixel, rules, arc_places.UniformPlaces(), PAPER_LOSSY / canvas.pixel, arc_weight=1.0)
+
+
+def _paper_union_rect(canvas: Canvas, rules: Rules) -> UnionRect:
+    return UnionRect(
+        canvas.pixel,
+        rules,
+        rect_places.UniformPlaces(),
+        merge_reach=1.0,
+        merge_limit=100.0,
+        remove_limit=0.005,
+        least=PAPER_THIN / canvas.pixel,
+    )
+
+
+def _paper_tree(canvas: Canvas, rules: Rules) -> Tree:
+    return Tree(rules, places=tree_places.UniformPlaces(), reach=1, least=0.03)
 
 
 GRAMMARS = {
     "arc-line": Entry(
-        fast=lambda canvas: ArcLine(canvas.pixel),
+        fast=lambda canvas, rules: ArcLine(canvas.pixel, rules),
         paper=_paper_arc_line,
+        methods={"fast": fast, "paper": lambda canvas, floor: paper(canvas, sagitta_metric)},
         size=lambda structure: int(structure.layout.size),
-        metric=sagitta_metric,
+        rules=arc_line.FACTS,
+        paper_rules=PAPER_RULES,
+        area=True,
+    ),
+    "union-rect": Entry(
+        fast=lambda canvas, rules: UnionRect(canvas.pixel, rules),
+        paper=_paper_union_rect,
+        methods={"fast": fast_rectangles, "paper": lambda canvas, floor: paper_rectangles(canvas, angle_metric)},
+        size=lambda structure: int(structure.size),
+        rules=union_rect.FACTS,
+        paper_rules=tuple(union_rect.FACTS),
+        counted="rectangle",
+    ),
+    "tree": Entry(
+        fast=lambda canvas, rules: Tree(rules),
+        paper=_paper_tree,
+        methods={"fast": fast_tree, "paper": lambda canvas, floor: paper_tree(canvas)},
+        size=lambda structure: int(structure.size),
+        rules=tree.FACTS,
+        paper_rules=tuple(tree.FACTS),
+        counted="node",
+        for_target=Tree.made_for,
     ),
 }
-METHODS: dict[str, Callable[[Entry, Canvas, float], Method]] = {
-    "fast": lambda grammar, canvas, floor: fast(canvas, floor),
-    "paper": lambda grammar, canvas, floor: paper(canvas, grammar.metric),
+
+
+def _without(grammar: str, *rules: str) -> Variant:
+    return Variant(grammar, tuple(rule for rule in GRAMMARS[grammar].paper_rules if rule not in rules))
+
+
+def _tree(*rules: str, note: str = "", **settings: Any) -> Variant:
+    """A variant with leaves of one size and the root at the bottom of the shape."""
+    limits = Limits(sized=False)
+    fixed: dict[str, Any] = {"limits": limits, "bottom": "shape", "tip": 0.075, "link": 0.075, "least": 0.0}
+    return Variant("tree", rules, {**fixed, **settings}, f"leaves of one size, root at the bottom of the shape{note}")
+
+
+VARIANTS = {
+    "AL-1": _without("arc-line", "add-loop"),
+    "AL-F": _without("arc-line"),
+    "UR-1": _without("union-rect", "add-rect"),
+    "UR-2": _without("union-rect", "add-hole"),
+    "UR-F": _without("union-rect"),
+    "Tr-1": _tree("add-leaf", sprout=0.2, note=", new branches at full length"),
+    "Tr-2": _tree("add-leaf", "remove-leaf", sprout=0.2, note=", new branches at full length"),
+    "Tr-3": _tree("add-leaf", "remove-leaf", guarded=True, note=", only short branches are removed"),
+    "Tr-4": _tree("add-leaf", "split", "remove-leaf", "remove-branch"),
+    "Tr-5": _tree("add-leaf", "split", "remove-leaf", "remove-branch", "add-anywhere"),
+    "Tr-F": _without("tree"),
+    "Tr-disc": Variant("tree", tuple(tree.FACTS), {"leaf": DISC}, "leaves are discs"),
 }
+"""The paper's ablations (SPEC 1.7), and trees of discs."""
 
 
 def entry(grammar: str) -> Entry:
@@ -57,10 +150,26 @@ def entry(grammar: str) -> Entry:
     return GRAMMARS[grammar]
 
 
-def make_grammar(grammar: str, method: str, canvas: Canvas) -> Grammar[Any]:
-    """The grammar as ``method`` uses it on ``canvas``. Raises InputError for an unknown name."""
+def make_grammar(
+    grammar: str, method: str, canvas: Canvas, variant: str | None = None, target: Floats | None = None
+) -> Grammar[Any]:
+    """The grammar as ``method`` uses it on ``canvas``, with the rewrites of ``variant`` or all that the method has.
+
+    target: coverage (height, width), row 0 lowest, that the grammar's axiom may look at. Raises InputError for an
+    unknown name or a variant of another grammar.
+    """
     found = entry(grammar)
-    return found.paper(canvas) if method == "paper" else found.fast(canvas)
+    published = method == "paper"
+    rules, settings = frozenset(found.paper_rules if published else found.rules), {}
+    if variant is not None:
+        if variant not in VARIANTS:
+            raise InputError(f"there is no variant {variant!r}, expected one of: {', '.join(VARIANTS)}")
+        if VARIANTS[variant].grammar != grammar:
+            raise InputError(f"{variant} is a variant of {VARIANTS[variant].grammar}, not of {grammar}")
+        rules, settings = frozenset(VARIANTS[variant].rules), dict(VARIANTS[variant].settings)
+    plain: Any = found.paper(canvas, rules) if published else found.fast(canvas, rules)
+    made: Grammar[Any] = replace(plain, **settings)
+    return found.for_target(made, target, canvas) if target is not None and found.for_target is not None else made
 
 
 def make_method(method: str, canvas: Canvas, floor: float, grammar: str = "arc-line") -> Method:
@@ -68,6 +177,7 @@ def make_method(method: str, canvas: Canvas, floor: float, grammar: str = "arc-l
 
     Raises InputError for an unknown name.
     """
-    if method not in METHODS:
-        raise InputError(f"there is no method {method!r}, expected one of: {', '.join(METHODS)}")
-    return METHODS[method](entry(grammar), canvas, floor)
+    methods = entry(grammar).methods
+    if method not in methods:
+        raise InputError(f"there is no method {method!r}, expected one of: {', '.join(methods)}")
+    return methods[method](canvas, floor)

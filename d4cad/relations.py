@@ -137,14 +137,29 @@ def to_json(relations: Iterable[Relation], dimensions: Iterable[Dimension]) -> d
     """The JSON value of a program file's key "regularisation"."""
     return {
         "relations": [
-            {"kind": r.kind, "refs": [list(ref) for ref in r.refs], **({} if r.value is None else {"value": r.value})}
+            {
+                "kind": r.kind,
+                "refs": [list(ref) for ref in r.refs],
+                **({} if r.value is None else {"value": _written(r.value)}),
+            }
             for r in relations
         ],
         "dimensions": [
-            {"name": d.name, "kind": d.kind, "refs": [list(ref) for ref in d.refs], "value": d.value, "round": d.round}
+            {
+                "name": d.name,
+                "kind": d.kind,
+                "refs": [list(ref) for ref in d.refs],
+                "value": _written(d.value),
+                "round": d.round,
+            }
             for d in dimensions
         ],
     }
+
+
+def _written(value: float) -> float:
+    """Twelve digits: those that survive the way from mm to world units and back."""
+    return float(f"{value:.12g}")
 
 
 def from_json(value: object, edges: list[int]) -> tuple[tuple[Relation, ...], tuple[Dimension, ...]]:

@@ -12,7 +12,7 @@ from d4cad.canvas import Canvas
 from d4cad.edges import Floats
 from d4cad.errors import GeometryError
 from d4cad.placement import Placement
-from d4cad.program import Program
+from d4cad.program import Program, dense
 from d4cad.protocols import Grammar, Tracer
 from d4cad.raster.band import SquaresTable
 from d4cad.regularize import Evidence, Parameters, Scale, regularized
@@ -48,7 +48,8 @@ class Picture:
 
     def newton(self, params: Floats) -> tuple[Floats, Floats]:
         """The parameters that the Gauss-Newton step leads to, and the matrix J'J."""
-        _, force, matrix = self.table.normal(self.grammar.rasterize(self.program.moved(params), self.canvas))
+        _, force, curvature = self.table.normal(self.grammar.rasterize(self.program.moved(params), self.canvas))
+        matrix = dense(curvature)
         most = float(np.diagonal(matrix).max(initial=0.0))
         if most < 1e-100:  # the picture sees none of it
             return params, matrix

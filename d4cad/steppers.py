@@ -8,10 +8,14 @@ from math import inf, sqrt
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 
-from d4cad.program import Edit, Floats, Program
+from d4cad.program import Curvature, Edit, Floats, Program
 from d4cad.protocols import Evaluation
+
+Bounds = Callable[[Program[Any]], tuple[Floats, Floats]]
+"""The least and the greatest values (n,) that a program's parameters may have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +43,7 @@ class ClippedGradient:
     patience: int = 2
     threshold: float = 1e-4
     metric: Callable[[Program[Any]], Floats] | None = None
+    bounds: Bounds | None = None
 
     def init(self, program: Program[Any]) -> Rate:
         """The full rate."""
@@ -53,7 +58,10 @@ class ClippedGradient:
         slope = np.clip(evaluation.gradient, -self.clip, self.clip)
         if self.metric is not None:
             slope *= self.metric(program)
-        return program.params - state.rate * slope, self.adapt(evaluation.value, state)
+        moved = program.params - state.rate * slope
+        if self.bounds is not None:
+            moved = np.clip(moved, *self.bounds(program))
+        return moved, self.adapt(evaluation.value, state)
 
     def adapt(self, value: float, state: Rate) -> Rate:
         """The rate after a step at which the loss was ``value``."""
@@ -134,19 +142,42 @@ class Trust:
     done: bool = False
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Dense:
+    """An array (n, n) as a matrix that knows how to solve with itself: `d4cad.program.Curvature`."""
+
+    matrix: Floats
+
+    def __mul__(self, factor: float) -> Curvature:
+        return Dense(self.matrix * factor)
+
+    def diagonal(self) -> Floats:
+        """The diagonal (n,)."""
+        return np.diagonal(self.matrix).copy()
+
+    def solve(self, shift: Floats, right: Floats) -> Floats | None:
+        """By Cholesky's factors."""
+        shifted = np.array(self.matrix)
+        shifted[np.diag_indices_from(shifted)] += shift
+        _, found, failed = dposv(shifted, right)
+        return None if failed else np.asarray(found)
+
+
 @dataclass(frozen=True, slots=True)
 class LevenbergMarquardt:
     """Damped Gauss-Newton steps (Marquardt 1963: the damping scales the curvature's diagonal).
 
     A step that raised the loss is taken back by the next one, at ten times the damping. ``reach``: the longest change
     of one parameter in a step. ``tolerance``: the relative decrease of the loss under which the program is settled;
-    ``least``: a loss so small that it is settled anyway.
+    ``least``: a loss so small that it is settled anyway. ``bounds``: what the parameters must keep to; those at a bound
+    that the loss pushes against rest for the step (the projected Newton method, Bertsekas 1982).
     """
 
     damping: float = 1e-3
     reach: float = 0.1
     tolerance: float = 1e-4
     least: float = 1e-17
+    bounds: Bounds | None = None
 
     def init(self, program: Program[Any]) -> Trust:
         """No step taken yet."""
@@ -170,21 +201,34 @@ class LevenbergMarquardt:
             damping *= 10
             at, here = state.params, state.evaluation
         done = done or damping > 1e4 or here.value <= self.least
-        return at + self._increment(here, damping), Trust(damping, at, here, done)
+        if self.bounds is None:
+            return at + self._increment(here, damping), Trust(damping, at, here, done)
+        low, high = self.bounds(program)
+        resting = ((at <= low) & (here.gradient > 0)) | ((at >= high) & (here.gradient < 0))
+        moved = np.clip(at + self._increment(here, damping, resting), low, high)
+        return moved, Trust(damping, at, here, done)
 
-    def _increment(self, here: Evaluation, damping: float) -> Floats:
-        """The damped step, shortened to the reach; the damping grows until the matrix is positive definite."""
-        curvature = np.array(here.curvature)
-        diagonal = np.diagonal(curvature).copy()
+    def _increment(self, here: Evaluation, damping: float, resting: NDArray[np.bool_] | None = None) -> Floats:
+        """The damped step, shortened to the reach; the damping grows until the matrix is positive definite.
+
+        resting: the parameters that keep their values.
+        """
+        curvature = Dense(here.curvature) if isinstance(here.curvature, np.ndarray) else here.curvature
+        assert curvature is not None
+        diagonal = curvature.diagonal()
         floor = 1e-9 * max(float(diagonal.max(initial=0.0)), 1e-300)
-        increment: Floats = -here.gradient
-        failed = diagonal.size > 0
-        while failed:
-            np.fill_diagonal(curvature, diagonal * (1 + damping) + floor)
-            _, increment, failed = dposv(curvature, -here.gradient)
+        right, rest = -here.gradient, np.zeros_like(diagonal)
+        if resting is not None:
+            right[resting] = 0.0
+            rest[resting] = 1e18 * floor  # so stiff that the others do not count on them
+        found: Floats | None = right if diagonal.size == 0 else None
+        while found is None:
+            found = curvature.solve(damping * diagonal + floor + rest, right)
             damping = max(10 * damping, 1e-6)
-        longest = float(np.abs(increment).max(initial=0.0))
-        return increment * min(1.0, self.reach / longest) if longest > 0 else increment
+        if resting is not None:
+            found[resting] = 0.0
+        longest = float(np.abs(found).max(initial=0.0))
+        return found * min(1.0, self.reach / longest) if longest > 0 else found
 
     def best(self, params: Floats, value: float, state: Trust) -> tuple[Floats, float]:
         """The better of the last and the best point."""

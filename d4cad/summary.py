@@ -33,6 +33,7 @@ def summary(fit: Fit, placement: Placement, files: Sequence[Path]) -> dict[str, 
         "grammar": fit.grammar.name,
         "method": fit.settings.get("method"),
         "seed": fit.settings.get("seed"),
+        "counted": fit.counted or "primitive",
         "primitives": fit.primitives,
         **census(sketch),
         "faces": len(sketch.faces),
@@ -84,7 +85,7 @@ def text(facts: dict[str, Any]) -> str:
     fitted = facts["drawing"] is None
     quality = f", {facts['psnr']:.1f} dB" if fitted else ""
     lines = [
-        f"{_count(facts['primitives'], 'primitive')} ({kinds(facts)}){quality}",
+        f"{_count(facts['primitives'], facts['counted'])} ({kinds(facts)}){quality}",
         f"{width:.6g} x {height:.6g} mm{_off(facts['fidelity'])}",
         *_snapped(facts["snap"]),
         *([f"stopped after {facts['wall_s']:.2f} s: {facts['stop_reason']}"] if fitted else []),

@@ -241,7 +241,7 @@ def test_pictures_that_are_none(
         (["--width", "3", "--dpi", "96"], "expected one of width, scale and dpi, got width and dpi"),
         (["--origin", "left"], "the origin must be corner, center or drawing, got 'left'"),
         (["--method", "quick"], "there is no method 'quick'"),
-        (["--grammar", "tree"], "there is no grammar 'tree'"),
+        (["--grammar", "spline"], "there is no grammar 'spline'"),
         (["--init", "start.json"], "there is no program file start.json"),
         (["--seed", "-1"], "the seed must be 0 or more"),
         (["--max-time", "0"], "the time limit must be"),

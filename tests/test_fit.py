@@ -20,10 +20,13 @@ from scipy.ndimage import gaussian_filter
 import d4cad
 from d4cad.canvas import Canvas
 from d4cad.descent import Record, Stop
-from d4cad.errors import ExportError, InputError
-from d4cad.fit import Fit, decibels, fit_coverage, fit_image, load_program
+from d4cad.errors import ExportError, GeometryError, InputError
+from d4cad.fit import Fit, decibels, fit_coverage, fit_image, joined_outline, load_program
+from d4cad.grammars.arc_line import ArcLine, Structure
 from d4cad.outputs import EXTENSIONS
 from d4cad.placement import Placement
+from d4cad.program import Program
+from d4cad.sketch import Sketch
 
 SIDE = 96
 
@@ -203,7 +206,7 @@ def changed(tmp_path: Path, **changes: Any) -> Path:
         ({"structure": ["LLX"]}, "list of words"),
         ({"structure": ["L"], "params": [0.0, 0.0]}, "at least 2 edges"),
         ({"structure": ["LLLL"], "params": [0, 0, 1, 1, 1, 0, 0, 2]}, "crosses or touches"),
-        ({"grammar": "tree"}, "no grammar 'tree'"),
+        ({"grammar": "spline"}, "no grammar 'spline'"),
         ({"stop": "bored"}, "stop is 'bored'"),
         ({"settings": {"placement": {"width": -1}}}, "positive"),
         ({"settings": {"placement": {"width": "wide"}}}, "wrong width"),
@@ -240,7 +243,7 @@ def test_notebooks_show_a_drawing() -> None:
     ("how", "message"),
     [
         ({"method": "quick"}, "no method 'quick', expected one of: fast, paper"),
-        ({"grammar": "tree"}, "no grammar 'tree'"),
+        ({"grammar": "spline"}, "no grammar 'spline'"),
         ({"seed": -1}, "seed"),
         ({"max_time": 0.0}, "time limit"),
         ({"max_time": np.nan}, "time limit"),
@@ -311,3 +314,16 @@ def test_a_start_from_nothing_is_the_axiom() -> None:
     """Grey that nowhere crosses the middle has no contour."""
     fit = fit_coverage(np.full((32, 32), 0.3), Canvas.square(32), init="contour", floor=10.0)
     assert fit.start_primitives == 4
+
+
+def test_joining_leaves_an_outline_that_bounds_a_region() -> None:
+    """A hole that is thinner than the tolerance, a tenth of a pixel, is joined by a lesser one."""
+    canvas, half = Canvas.square(64), 0.02 * 3 / 64
+    plate = [-0.8, -0.8, 0.8, -0.8, 0.8, 0.8, -0.8, 0.8]
+    slit = [-0.3, -half, -0.3, half, 0.3, half, 0.3, -half]
+    program = Program(Structure((4, 4), (False,) * 8), np.array([*plate, *slit]))
+    grammar = ArcLine(canvas.pixel)
+    with pytest.raises(GeometryError, match="no area"):
+        Sketch.from_loops(grammar.outline(program).simplified(0.1 * canvas.pixel).loops)
+    found = joined_outline(grammar, program, canvas, 1e-2)
+    assert Sketch.from_loops(found.loops).area == pytest.approx(1.6**2 - 1.2 * half, rel=1e-9)

@@ -197,7 +197,7 @@ def test_a_tangent_joint_is_found_in_noise() -> None:
     """The place of a tangent joint is nearly invisible; smooth, it is fixed to a fraction of a pixel."""
     truth = rounded(0.6)
     noisy = raster(truth) + np.random.default_rng(0).normal(0, 0.05, CANVAS.shape)
-    fit = fit_coverage(np.clip(noisy, 0, 1), CANVAS, init="contour", noise=0.05, floor=60 * 0.05**2)
+    fit = fit_coverage(np.clip(noisy, 0, 1), CANVAS, init="contour", noise=0.05, floor=60 * 0.05**2, snap=False)
     assert fit.primitives == 5
     assert len(fit.program.structure.smooth) == 2
     found = fit.program.params[:10].reshape(-1, 2) / CANVAS.pixel

@@ -427,6 +427,7 @@ def test_normal_equations_are_those_of_the_dense_jacobian(canvas: Canvas) -> Non
     table = SquaresTable.of(target)
     jacobian, residual = dense_jacobian(band), band.coverage - target
     value, gradient, matrix = table.normal(band)
+    assert isinstance(matrix, np.ndarray)
     assert value == pytest.approx((residual**2).sum(), rel=1e-12)
     assert table.value(band) == pytest.approx(value, rel=1e-12)
     np.testing.assert_allclose(gradient, np.einsum("ijk,ij->k", jacobian, residual), atol=1e-10)

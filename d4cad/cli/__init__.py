@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from d4cad import __version__
-from d4cad.cli import bench, check, combine, doctor, export, fit, simplify
+from d4cad.cli import bench, check, combine, doctor, export, fit, grammars, simplify
 
 app = typer.Typer(
     help="A picture of a part becomes an exact CAD part of lines and arcs.",
@@ -50,5 +50,6 @@ for _command in (
     combine.combine,
     doctor.doctor,
     bench.bench,
+    grammars.grammars,
 ):
     app.command()(_command)

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from d4cad.cli.options import Grammar, Method, Seed, Snap
+from d4cad.cli.options import Grammar, Method, Seed, Snap, Variant
 from d4cad.cli.running import reported
 
 
@@ -26,6 +26,7 @@ def bench(
         ),
     ] = None,
     grammar: Grammar = "arc-line",
+    variant: Variant = None,
     method: Method = "fast",
     seed: Seed = 0,
     limit: Annotated[int | None, typer.Option(metavar="N", help="Shapes of each set.", show_default="all")] = None,
@@ -42,5 +43,5 @@ def bench(
     with reported():
         from d4cad.bench import Request, run, table
 
-        rows = run(Request(data, out, bitmaps, grammar, method, seed, limit, jobs, max_time, init, snap))
+        rows = run(Request(data, out, bitmaps, grammar, variant, method, seed, limit, jobs, max_time, init, snap))
         typer.echo(table(rows))

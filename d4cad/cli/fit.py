@@ -8,7 +8,21 @@ from typing import Annotated, Any
 import typer
 
 from d4cad.cli import pictures
-from d4cad.cli.options import Dpi, Grammar, Json, Method, Origin, Output, Quiet, Scale, Seed, Snap, Thickness, Width
+from d4cad.cli.options import (
+    Dpi,
+    Grammar,
+    Json,
+    Method,
+    Origin,
+    Output,
+    Quiet,
+    Scale,
+    Seed,
+    Snap,
+    Thickness,
+    Variant,
+    Width,
+)
 from d4cad.cli.running import INTERRUPTED, check_outputs, progress, report, reported, write
 from d4cad.errors import D4cadError
 
@@ -32,6 +46,7 @@ def fit(
     thickness: Thickness = None,
     origin: Origin = None,
     grammar: Grammar = "arc-line",
+    variant: Variant = None,
     method: Method = "fast",
     init: Annotated[
         str | None,
@@ -76,6 +91,7 @@ def fit(
         options: dict[str, Any] = {
             "method": method,
             "grammar": grammar,
+            "variant": variant,
             "init": init,
             "seed": seed,
             "max_time": max_time,

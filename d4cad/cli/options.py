@@ -54,7 +54,11 @@ Dialect = Annotated[
         metavar="NAME", help="Language of .py: build123d, build123d-algebra or cadquery.", show_default="build123d"
     ),
 ]
-Grammar = Annotated[str, typer.Option(metavar="NAME", help="Language of shapes: arc-line.")]
+Grammar = Annotated[str, typer.Option(metavar="NAME", help="Language of shapes: arc-line, union-rect or tree.")]
+Variant = Annotated[
+    str | None,
+    typer.Option(metavar="NAME", help="Some of its rewrites only; `d4cad grammars` lists them.", show_default="all"),
+]
 Method = Annotated[str, typer.Option(metavar="NAME", help="fast, or paper for the published settings.")]
 Seed = Annotated[int, typer.Option(metavar="N", help="Seed of all randomness.")]
 Snap = Annotated[

@@ -34,9 +34,7 @@ class ImageLoss:
         """Mean squared error, 2 J'r / N and 2 J'J / N for the N pixels."""
         value, force, matrix = self.table.normal(band)
         n = self.table.target.size
-        force *= 2 / n
-        matrix *= 2 / n
-        return Evaluation(value / n, force, matrix)
+        return Evaluation(value / n, force * (2 / n), matrix * (2 / n))
 
     def demand(self, band: Band) -> Floats:
         """Target minus coverage."""

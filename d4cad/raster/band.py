@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numba as nb
 import numpy as np
 from numpy.typing import NDArray
+
+from d4cad.program import Curvature
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -19,6 +22,21 @@ Ints = NDArray[np.int64]
 NUMBERS = 5
 """The most numbers that determine a primitive: the width of ``slope`` and ``columns``, unused columns -1. A constant,
 so that the kernels' inner loops unroll."""
+
+
+class Chain(Protocol):
+    """What lies between a program's parameters and its primitives' numbers where those are not parameters themselves.
+
+    With J the derivative of all numbers by all parameters:
+    """
+
+    def pull_back(self, gradient: Floats) -> Floats:
+        """J'f of a derivative f (size,) by the numbers, as ``columns`` counts them."""
+        ...
+
+    def curvature(self, blocks: Floats) -> Curvature:
+        """J'BJ of one block (NUMBERS, NUMBERS) for each primitive, of which the lower half is given."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,8 +50,8 @@ class Band:
     pixel lies in one of the spans. piece: (m,) int32, the primitive. slope: (m, NUMBERS) derivative of the coverage by
     that primitive's numbers. columns: (pieces, NUMBERS) int64, the parameters that these numbers are
     (-1: fixed). spans: (s, 3) row, first and past-the-last column of runs of inside pixels, which may hold pixels of
-    the band. size: number
-    of parameters.
+    the band. size: number of parameters. chain: how parameters make the numbers that columns and size count; None where
+    those are the parameters. A band with a chain has one entry a pixel.
     """
 
     shape: tuple[int, int]
@@ -46,6 +64,7 @@ class Band:
     columns: NDArray[np.int64]
     spans: NDArray[np.int64]
     size: int
+    chain: Chain | None = None
 
     @property
     def coverage(self) -> Floats:
@@ -56,7 +75,8 @@ class Band:
 
     def pull_back(self, gradient: Floats) -> Floats:
         """Vector-Jacobian product: d/dcoverage (height, width) to d/dparams (size,)."""
-        return np.asarray(_pull_back(gradient, self.row, self.col, self.piece, self.slope, self.columns, self.size))
+        back = np.asarray(_pull_back(gradient, self.row, self.col, self.piece, self.slope, self.columns, self.size))
+        return back if self.chain is None else self.chain.pull_back(back)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,8 +113,15 @@ class SquaresTable:
         )  # fmt: skip
         return max(0.0, float(value))  # rounding can leave a perfect fit just under 0
 
-    def normal(self, band: Band) -> tuple[float, Floats, Floats]:
+    def normal(self, band: Band) -> tuple[float, Floats, Floats | Curvature]:
         """Sum of squared errors, half its gradient J'r (n,), and the Gauss-Newton matrix J'J (n, n)."""
+        if band.chain is not None:
+            force, blocks = piece_equations(
+                self.target, band.row, band.col, band.cover, band.piece, band.slope, len(band.columns), self.slack
+            )  # fmt: skip
+            numbers = np.zeros(band.size)
+            numbers[band.columns[band.columns >= 0]] = force[band.columns >= 0]
+            return self.value(band), band.chain.pull_back(numbers), band.chain.curvature(blocks)
         value, gradient, matrix = _normal(
             self.target, self.runs, self.total, band.row, band.col, band.cover, band.wound, band.spans,
             band.piece, band.slope, band.columns, band.size, self.slack,
@@ -200,6 +227,34 @@ def _add_pair(slope: Floats, columns: Ints, s: int, p: int, t: int, q: int, weig
 
 
 @nb.njit(cache=True, error_model="numpy")
+def piece_equations(
+    target: Floats,
+    row: NDArray[np.int32],
+    col: NDArray[np.int32],
+    cover: Floats,
+    piece: NDArray[np.int32],
+    slope: Floats,
+    pieces: int,
+    slack: float,
+) -> tuple[Floats, Floats]:
+    """J'r (pieces, NUMBERS) and the lower half of J'J (pieces, NUMBERS, NUMBERS) by the numbers of each of the first
+    ``pieces`` primitives, for the residual r = coverage - target; what two of them have in common is left out."""
+    force = np.zeros((pieces, NUMBERS))
+    block = np.zeros((pieces, NUMBERS, NUMBERS))
+    for s in range(row.shape[0]):
+        p = piece[s]
+        if p >= pieces:
+            continue
+        pull, weight = pull_of(cover[s] - target[row[s], col[s]], slack)
+        for k in range(NUMBERS):
+            j = slope[s, k]
+            force[p, k] += j * pull
+            for i in range(k + 1):
+                block[p, k, i] += weight * j * slope[s, i]
+    return force, block
+
+
+@nb.njit(cache=True, error_model="numpy")
 def add_normal_equations(
     target: Floats,
     row: NDArray[np.int32],
@@ -218,23 +273,14 @@ def add_normal_equations(
     """
     pieces = columns.shape[0]
     # Summed per piece first: its numbers lie together, the parameters' columns do not.
-    force = np.zeros((pieces, NUMBERS))
-    block = np.zeros((pieces, NUMBERS, NUMBERS))
-    for s in range(row.shape[0]):
-        p = piece[s]
-        if p >= pieces:
-            continue
-        pull, weight = pull_of(cover[s] - target[row[s], col[s]], slack)
-        for k in range(NUMBERS):
-            j = slope[s, k]
-            force[p, k] += j * pull
-            for i in range(k + 1):
-                block[p, k, i] += weight * j * slope[s, i]
+    force, block = piece_equations(target, row, col, cover, piece, slope, pieces, slack)
+    for s in range(1, row.shape[0]):
         t = s
-        while same_pixel(row, col, t):
+        while piece[s] < pieces and same_pixel(row, col, t):
             t -= 1
             if piece[t] < pieces:
-                _add_pair(slope, columns, s, p, t, piece[t], weight, matrix)
+                _, weight = pull_of(cover[s] - target[row[s], col[s]], slack)
+                _add_pair(slope, columns, s, piece[s], t, piece[t], weight, matrix)
     for p in range(pieces):
         for k in range(NUMBERS):
             c = columns[p, k]

@@ -15,7 +15,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from d4cad.grammars.arc_line.structure import Layout, Structure
 from d4cad.grammars.arc_line.tangency import kinks
-from d4cad.program import Floats, Program, Rewrite
+from d4cad.program import Floats, Program, Rewrite, dense
 from d4cad.protocols import STIFF, Evaluation, Trial
 
 JOINTS = ("smooth", "sharpen", "fillet", "straighten", "bend", "bridge")
@@ -104,8 +104,7 @@ def joint_trials(
     kink, turning = kinks(program, np.arange(n))
     smooth = layout.smooth
     stiff = 2 * STIFF * price
-    assert evaluation.curvature is not None
-    matrix = evaluation.curvature + stiff * turning[smooth].T @ turning[smooth]
+    matrix = dense(evaluation.curvature) + stiff * turning[smooth].T @ turning[smooth]
     diagonal = np.diagonal(matrix)
     np.fill_diagonal(matrix, diagonal + 1e-9 * diagonal.max(initial=0.0) + 1e-7 * diagonal)
     # What may be off: the kink at every vertex, then every arc's bulge.
