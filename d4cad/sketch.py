@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -191,8 +191,16 @@ def _nested(loops: Sequence[Loop]) -> tuple[Face, ...]:
     return tuple(faces)
 
 
-def _refuse_meetings(loops: Sequence[Loop]) -> None:
-    """Raises GeometryError at the first place where two edges meet other than at the vertex they share."""
+class Meeting(NamedTuple):
+    """Where two edges meet that may not: loops ``first`` and ``second``, which may be one, at x + iy."""
+
+    first: int
+    second: int
+    place: complex
+
+
+def meetings_of(loops: Sequence[Loop]) -> list[Meeting]:
+    """The places where two edges of finite loops meet other than at the vertex they share."""
     parts = [loop.edges for loop in loops]
     e = Edges(*(np.concatenate([part[k] for part in parts]) for k in range(3)))
     sizes = np.array([part.b.size for part in parts])
@@ -203,28 +211,37 @@ def _refuse_meetings(loops: Sequence[Loop]) -> None:
     box = boxes(e)
     extent = float((box[:, 2:].max(axis=0) - box[:, :2].min(axis=0)).max())
     touch = min(ROUNDING * extent, 0.1 * float(chords(e).min()))
-    _refuse(neighbour_meetings(e, e.take(following), touch), owner, owner)
+    found = _listed(neighbour_meetings(e, e.take(following), touch), owner, owner)
     i, j = _near_pairs(box, touch)
     apart = (following[i] != j) & (following[j] != i)
     i, j = i[apart], j[apart]
-    _refuse(meetings(e.take(i), e.take(j), touch), owner[i], owner[j])
+    return found + _listed(meetings(e.take(i), e.take(j), touch), owner[i], owner[j])
+
+
+def _refuse_meetings(loops: Sequence[Loop]) -> None:
+    """Raises GeometryError at the first place where two edges meet other than at the vertex they share."""
+    for a, b, where in meetings_of(loops):
+        other = "itself" if a == b else f"loop {b}"
+        raise GeometryError(f"loop {a} crosses or touches {other} at ({where.real:g}, {where.imag:g})")
 
 
 def _near_pairs(box: Floats, touch: float) -> tuple[Any, Any]:
-    """Indices i < j of boxes (n, 4) that overlap or come within ``touch``."""
-    low, high = box[:, :2] - touch, box[:, 2:]
-    near = np.ones((len(box), len(box)), dtype=np.bool_)
-    for axis in (0, 1):
-        near &= low[:, None, axis] <= high[None, :, axis]
-        near &= low[None, :, axis] <= high[:, None, axis]
-    i, j = np.nonzero(np.triu(near, 1))
-    return i, j
+    """Indices i < j of boxes (n, 4) that overlap or come within ``touch``, in lexical order.
+
+    Sorted by their left ends, a box can only meet the ones that begin before it ends.
+    """
+    order = np.argsort(box[:, 0], kind="stable")
+    low, high = box[order, :2] - touch, box[order, 2:]
+    count = np.searchsorted(low[:, 0], high[:, 0], side="right") - np.arange(order.size) - 1
+    first = np.repeat(np.arange(order.size), count)
+    second = first + 1 + np.arange(first.size) - np.repeat(np.cumsum(count) - count, count)
+    near = (low[first, 1] <= high[second, 1]) & (low[second, 1] <= high[first, 1])
+    i, j = order[first[near]], order[second[near]]
+    i, j = np.minimum(i, j), np.maximum(i, j)
+    sort = np.lexsort((j, i))
+    return i[sort], j[sort]
 
 
-def _refuse(found: tuple[Any, Any], first: Any, second: Any) -> None:
+def _listed(found: tuple[Any, Any], first: Any, second: Any) -> list[Meeting]:
     met, where = found
-    if np.any(met):
-        k = int(np.argmax(met))
-        a, b = int(first[k]), int(second[k])
-        other = "itself" if a == b else f"loop {b}"
-        raise GeometryError(f"loop {a} crosses or touches {other} at ({where[k].real:g}, {where[k].imag:g})")
+    return [Meeting(int(first[k]), int(second[k]), complex(where[k])) for k in np.flatnonzero(met).tolist()]
