@@ -10,7 +10,7 @@ from d4cad.objectives.domain import Domain
 from d4cad.program import Floats
 from d4cad.sketch import Loop, Sketch
 
-TOLERANCE = 1.0
+TOLERANCE = 0.5
 """Elements by which the first outline may leave the contour: shape descent moves it further than that anyway."""
 
 

@@ -46,7 +46,7 @@ class ComplianceLoss:
     full: float
     halved: ComplianceLoss | None = None
     exponent: float = 1.5
-    stiffness: float = 10.0
+    stiffness: float = 300.0
 
     @classmethod
     def of(cls, domain: Domain, halved: Domain | None = None) -> ComplianceLoss:
