@@ -31,6 +31,9 @@ PRICE = 3e-4
 RHYTHM = (20, 15)
 ROUNDS = 40
 
+WARM_UP, WARM_ROUNDS = 12, 3
+"""From the whole domain the volume shrinks to the problem's in so many steps, each of at most so many rounds."""
+
 Watch = Callable[[Record], None]
 
 
@@ -87,13 +90,20 @@ def design_beam(
     program = grammar.repair(_bent(sketch)).program
     rng = np.random.default_rng(seed)
 
-    def improved(program: Program[Any], price: float) -> Descent[Any]:
+    def improved(program: Program[Any], price: float, loss: ComplianceLoss = loss, rounds: int = ROUNDS) -> Descent[Any]:
         left = inf if max_time is None else max(max_time - (time.perf_counter() - wall), 0.0)
-        return descend(
-            program, grammar, loss, domain.canvas, _method(price), rng, _forwarded(watch), left
-        )
+        method = _method(price, rounds)
+        return descend(program, grammar, loss, domain.canvas, method, rng, _forwarded(watch), left)
 
-    found = improved(program, PRICE * loss.value(grammar.rasterize(program, domain.canvas)))
+    def price(program: Program[Any]) -> float:
+        return PRICE * loss.value(grammar.rasterize(program, domain.canvas))
+
+    if init == "axiom":
+        for share in np.geomspace(1, domain.volume / domain.free.sum(), WARM_UP + 1)[1:-1]:
+            stage = loss.with_volume(float(share * domain.free.sum()))
+            found = improved(program, price(program), stage, WARM_ROUNDS)
+            program = found.program
+    found = improved(program, price(program))
     if simplify is not None:
         found = _simplified(found, simplify, improved)
     band = grammar.rasterize(found.program, domain.canvas)
@@ -126,9 +136,9 @@ def _simplified(
     return best
 
 
-def _method(price: float) -> Method:
+def _method(price: float, rounds: int) -> Method:
     stepper = NullSpace()
-    return Method((Stage(1.0, price, ROUNDS),), RHYTHM, stepper, Funnel(stepper))
+    return Method((Stage(1.0, price, rounds),), RHYTHM, stepper, Funnel(stepper))
 
 
 def _halves(domain: Domain) -> bool:

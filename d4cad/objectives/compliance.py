@@ -54,6 +54,11 @@ class ComplianceLoss:
         whole = domain.young(np.where(domain.void, WEAK, 1.0))
         return cls(domain, domain.elastic.solve(whole).compliance, None if halved is None else cls.of(halved))
 
+    def with_volume(self, volume: float) -> ComplianceLoss:
+        """The loss of a part of another volume, in elements."""
+        halved = None if self.halved is None else self.halved.with_volume(volume / 4)
+        return replace(self, domain=replace(self.domain, volume=volume), halved=halved)
+
     @property
     def coarse(self) -> ComplianceLoss:
         """The loss on elements of twice the size, if there is one."""
