@@ -77,16 +77,22 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """young: MPa. poisson: a pure number. Raises InputError for what no material has."""
+    """young: MPa. poisson: a pure number. strength: stress in MPa at which it yields, None where no one asks.
+
+    Raises InputError for what no material has.
+    """
 
     young: float = 210e3
     poisson: float = 0.3
+    strength: float | None = None
 
     def __post_init__(self) -> None:
         if not (isfinite(self.young) and self.young > 0):
             raise InputError(f"Young's modulus must be a positive number of MPa, got {self.young:g}")
         if not -1 < self.poisson < 0.5:
             raise InputError(f"Poisson's ratio must lie between -1 and 0.5, got {self.poisson:g}")
+        if self.strength is not None and not (isfinite(self.strength) and self.strength > 0):
+            raise InputError(f"the yield strength must be a positive number of MPa, got {self.strength:g}")
 
 
 @dataclass(frozen=True)
@@ -170,17 +176,17 @@ class Problem:
         inside = ~_covered(self.cuts, x, y)
         void = _covered(self.voids, x, y) & inside
         solid = _covered(self.solids, x, y) & inside & ~void
-        held = _touched(grid, inside)
+        held = touched(grid, inside)
         fixed = np.zeros(grid.size, dtype=np.bool_)
         for support in self.supports:
-            nodes = self._nodes(grid, support.place, side, held, "support")
+            nodes = self.nodes(grid, support.place, side, held, "support")
             for axis, letter in enumerate("xy"):
                 if letter in support.fix:
                     fixed[2 * nodes + axis] = True
-        carrying = _touched(grid, inside & ~void)
+        carrying = touched(grid, inside & ~void)
         loads = np.zeros((grid.size, len(self.cases)))
         for load in self.loads:
-            nodes = self._nodes(grid, load.place, side, carrying, "load")
+            nodes = self.nodes(grid, load.place, side, carrying, "load")
             share = self._shares(grid, load.place, nodes, side)
             for axis in (0, 1):
                 loads[2 * nodes + axis, self.cases.index(load.case)] += load.force[axis] / self.force * share
@@ -200,7 +206,7 @@ class Problem:
         )
         return Domain(inside, solid, void, elastic, volume, mirrored, margin)
 
-    def _nodes(self, grid: Grid, place: Place, side: float, held: Bools, what: str) -> NDArray[np.int64]:
+    def nodes(self, grid: Grid, place: Place, side: float, held: Bools, what: str) -> NDArray[np.int64]:
         """Numbers of the nodes in a place, ordered along x then y."""
         x, y = _node_places(grid, side)
         near = place.distances(x, y) < NEAR * side
@@ -238,7 +244,7 @@ def _covered(places: tuple[Place, ...], x: Floats, y: Floats) -> Bools:
     return found
 
 
-def _touched(grid: Grid, elements: Bools) -> Bools:
+def touched(grid: Grid, elements: Bools) -> Bools:
     """The nodes (width + 1, height + 1) that have one of the elements (height, width) beside them."""
     found = np.zeros((grid.width + 1, grid.height + 1), dtype=np.bool_)
     for i in (0, 1):

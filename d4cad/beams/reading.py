@@ -56,7 +56,7 @@ class _Reader:
     def problem(self, document: Mapping[str, Any], name: str, volume: float | None) -> Problem:
         self._known(document, TOP, ())
         domain = self._table(document, "domain", {"size", "element"})
-        material = self._table(document, "material", {"young", "poisson"}, needed=False)
+        material = self._table(document, "material", {"young", "poisson", "yield"}, needed=False)
         if "domain" not in document:
             raise InputError("it has no [domain] table with size and element")
         share = document.get("volume") if volume is None else volume
@@ -74,6 +74,7 @@ class _Reader:
                 material=self._made(("material",), lambda: Material(
                     self._number(material, "young", ("material",), 210e3),
                     self._number(material, "poisson", ("material",), 0.3),
+                    self._number(material, "yield", ("material",)) if "yield" in material else None,
                 )),
                 thickness=self._number(document, "thickness", (), 10.0),
                 **{
