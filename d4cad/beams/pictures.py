@@ -52,7 +52,13 @@ def design_panel(problem: Problem, part: Sketch, fine: Analysis) -> Panel:
         top = float(np.nanpercentile(field, 99.5))
         height, width = (n * fine.side for n in fine.solid.shape)
         shown = ax.imshow(
-            field, origin="lower", extent=(0, width, 0, height), cmap="viridis", vmin=0, vmax=top, interpolation="nearest"
+            field,
+            origin="lower",
+            extent=(0, width, 0, height),
+            cmap="viridis",
+            vmin=0,
+            vmax=top,
+            interpolation="nearest",
         )
         for loop in part.loops:
             line = loop.polygon(problem.element / 20)
@@ -69,16 +75,18 @@ def design_panel(problem: Problem, part: Sketch, fine: Analysis) -> Panel:
 
 
 def history_panel(history: Sequence[Record]) -> Panel:
-    """Loss and primitives over gradient steps, round by round."""
+    """Loss and primitives of the program, round by round."""
 
     def draw(figure: Any, ax: Any) -> None:
-        steps = [record.step for record in history]
-        ax.plot(steps, [record.loss for record in history], color=INK, marker="o", markersize=3)
-        ax.set_xlabel("gradient steps", fontsize=8)
+        rounds = np.arange(1, len(history) + 1)
+        ax.plot(rounds, [record.loss for record in history], color=INK, marker="o", markersize=3)
+        ax.set_xlabel("round", fontsize=8)
+        ax.xaxis.get_major_locator().set_params(integer=True)
         ax.set_ylabel("compliance over the full domain's", fontsize=8)
         other = ax.twinx()
-        other.step(steps, [record.primitives for record in history], where="post", color=FORCE)
-        other.set_ylabel("primitives", fontsize=8, color=FORCE)
+        other.step(rounds, [record.primitives for record in history], where="post", color=FORCE)
+        other.set_ylabel("primitives of the program", fontsize=8, color=FORCE)
+        other.yaxis.get_major_locator().set_params(integer=True)
         for axes in (ax, other):
             axes.tick_params(labelsize=8)
             axes.spines[:].set_color(FRAME)
@@ -93,8 +101,8 @@ def write_picture(path: str | Path, panels: Sequence[Panel], dpi: int = 100) -> 
     import matplotlib
     from matplotlib.figure import Figure  # not pyplot: no global state, no display
 
-    heights = [min(WIDTH * share, TALLEST) for share, _ in panels]
-    figure = Figure(figsize=(WIDTH, sum(heights) + 0.5 * len(panels)), facecolor="white", layout="constrained")
+    heights = [min(0.85 * WIDTH * share, TALLEST) for share, _ in panels]
+    figure = Figure(figsize=(WIDTH, sum(heights) + 0.4 * len(panels)), facecolor="white", layout="constrained")
     axes = figure.subplots(len(panels), 1, height_ratios=heights, squeeze=False)
     for ax, (_, draw) in zip(axes[:, 0], panels, strict=True):
         draw(figure, ax)

@@ -228,7 +228,7 @@ class Problem:
             along = np.array(place.end) - np.array(place.start)
             order[grid.nodes.ravel()] = (x * along[0] + y * along[1]).ravel()
             share[[int(np.argmin(order[nodes])), int(np.argmax(order[nodes]))]] = 0.5
-        return share / share.sum()
+        return np.asarray(share / share.sum())
 
 
 def _node_places(grid: Grid, side: float) -> tuple[Floats, Floats]:

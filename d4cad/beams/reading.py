@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from math import isfinite
 from os import PathLike
@@ -62,7 +62,7 @@ class _Reader:
         share = document.get("volume") if volume is None else volume
         if share is None:
             raise InputError("it states no volume, the share of the domain that may be material")
-        return self._made(
+        made: Problem = self._made(
             (),
             lambda: Problem(
                 name=str(document.get("name", name)),
@@ -83,6 +83,7 @@ class _Reader:
                 },
             ),
         )  # fmt: skip
+        return made
 
     def _support(self, item: Mapping[str, Any], where: tuple[str, int]) -> Support:
         self._known(item, PLACES | {"fix"}, where)
@@ -97,7 +98,7 @@ class _Reader:
             self._place(item, where, {"force", "case"}), self._point(item, "force", where), str(item.get("case", ""))
         )
 
-    def _place(self, item: Mapping[str, Any], where: tuple[str, int], others: set[str] = frozenset()) -> Place:  # type: ignore[assignment]
+    def _place(self, item: Mapping[str, Any], where: tuple[str, int], others: Set[str] = frozenset()) -> Place:
         self._known(item, PLACES | others, where)
         keys = PLACES & set(item)
         if keys == {"at"}:
@@ -144,13 +145,13 @@ class _Reader:
         good = isinstance(value, list) and len(value) == count and all(_is_number(v) for v in value)
         if not good:
             raise self._error(f"{key} must be {count} numbers, got {value!r}", where, key)
-        return [float(v) for v in value]  # type: ignore[union-attr]
+        return [float(v) for v in value or ()]
 
     def _number(self, item: Mapping[str, Any], key: str, where: tuple[Any, ...], default: float | None = None) -> float:
         value = item.get(key, default)
         if not _is_number(value):
             raise self._error(f"{key} must be a number, got {value!r}", where, key)
-        return float(value)  # type: ignore[arg-type]
+        return float(value)
 
     def _made(self, where: tuple[Any, ...], make: Callable[[], Any]) -> Any:
         """What ``make`` makes; its InputError gets the line of the table unless it names one."""

@@ -57,7 +57,7 @@ def grown(solid: Bools) -> Bools:
     """The elements (height, width) that are solid or share a node with a solid one."""
     around = np.pad(solid, 1)
     height, width = solid.shape
-    return np.any([around[i : i + height, j : j + width] for i in range(3) for j in range(3)], axis=0)
+    return np.asarray(np.any([around[i : i + height, j : j + width] for i in range(3) for j in range(3)], axis=0))
 
 
 def held_pieces(grid: Grid, fixed: Bools, elements: Bools) -> Bools:
