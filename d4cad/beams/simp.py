@@ -40,7 +40,7 @@ def simp(domain: Domain, radius: float = 3.0, iterations: int = 200, change: flo
     """
     began = time.process_time()
     kernel, inside, free = _cone(radius), domain.inside, domain.free
-    weight = _blurred(inside.astype(np.float64), kernel)
+    weight = np.maximum(_blurred(inside.astype(np.float64), kernel), 1e-9)
     x = np.where(free, domain.free_fraction, domain.solid.astype(np.float64))
     density = domain.clamped(_blurred(x * inside, kernel) / weight)
     compliance, step, moved = 0.0, 0, 1.0

@@ -97,8 +97,9 @@ def von_mises(stress: Floats) -> Floats:
 def peak_stress(analysis: Analysis, window: int = REFINEMENT) -> tuple[float, Point]:
     """The largest von Mises stress in MPa and where it is, in mm.
 
-    Averaged over windows of ``window`` x ``window`` elements that are at least half solid: the steps of the grid along
-    the boundary, and the ends of loads and supports, have stresses in single elements that say nothing of the part.
+    Averaged over windows of ``window`` x ``window`` elements, one of the design's, that are at least half solid: steps
+    of the grid along the boundary raise the stress of single elements. At a notch no wider than a window the true peak
+    is higher.
     """
     height, width = (n // window * window for n in analysis.solid.shape)
     shape = (height // window, window, width // window, window)
@@ -115,7 +116,7 @@ def peak_stress(analysis: Analysis, window: int = REFINEMENT) -> tuple[float, Po
 
 
 def minimum_member(analysis: Analysis) -> float:
-    """The width in mm of the narrowest member, within half an element of the analysis's grid.
+    """The width in mm of the narrowest member, within 1.5 elements of the analysis's grid.
 
     Twice the least distance by which the part can be shrunk until two of its holes, or a hole and the outside, run into
     each other, or a piece of some thickness comes off. A part without any such member has the width of its thickest
@@ -134,7 +135,7 @@ def minimum_member(analysis: Analysis) -> float:
 
     def pieces(distance: float) -> int:
         # what comes off counts if it is thicker by an element: a wedge's tip is no member
-        labels, count = label(depth > distance)
+        labels, _ = label(depth > distance)
         thick = np.unique(labels[depth > distance + 1.0])
         return int(np.count_nonzero(thick))
 

@@ -8,12 +8,12 @@ two here.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from d4cad.errors import InputError
 from d4cad.program import Floats
@@ -154,7 +154,7 @@ class PlaneStress:
         matrix = (self.assembly.map @ young.ravel()) * self.assembly.kept
         matrix = matrix.reshape(self.grid.size, -1)
         matrix[self.fixed, 0] = 1.0
-        with threadpool_limits(limits=1):
+        with one_thread():
             try:
                 factor = cholesky_banded(matrix.T, lower=True, overwrite_ab=True, check_finite=False)
             except LinAlgError:
@@ -165,8 +165,22 @@ class PlaneStress:
     def response(self, displacement: Floats, compliance: float) -> Response:
         """Displacements (dofs, cases) with the energies that go with them."""
         parts = displacement[self.dofs]  # (elements, 8, cases)
-        energy = np.einsum("eik,ij,ejk->e", parts, self.stiffness, parts, optimize=True)
+        parts = parts.transpose(0, 2, 1)
+        energy = np.sum((parts @ self.stiffness) * parts, axis=(1, 2))
         return Response(displacement, energy.reshape(self.grid.height, self.grid.width), compliance)
+
+
+def one_thread() -> Any:
+    """A context in which BLAS uses one thread."""
+    return _libraries().limit(limits=1)
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """Found once: looking for them takes as long as solving a small grid."""
+    import scipy.linalg  # noqa: F401  its BLAS must be loaded to be found
+
+    return ThreadpoolController()
 
 
 def holds(grid: Grid, fixed: Bools) -> bool:

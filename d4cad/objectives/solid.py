@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from d4cad.errors import InputError
-from d4cad.objectives.fem import Grid, PlaneStress, Response, holds
+from d4cad.objectives.fem import Grid, PlaneStress, Response, holds, one_thread
 
 Bools = NDArray[np.bool_]
 
@@ -44,7 +43,7 @@ def solve_solid(elastic: PlaneStress, solid: Bools) -> Response:
     size = int(free.sum())
     matrix = coo_array((value[kept], (number[row[kept]], number[col[kept]])), shape=(size, size)).tocsc()
     loads = elastic.loads[free]
-    with threadpool_limits(limits=1):
+    with one_thread():
         # for a symmetric positive definite matrix the diagonal is a good pivot
         factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
         found = np.asarray(factor.solve(loads))
