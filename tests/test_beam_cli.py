@@ -183,9 +183,7 @@ BAD: list[tuple[list[str], str, str]] = [
 
 
 @pytest.mark.parametrize(("arguments", "good", "bad"), BAD, ids=[f"{a}{b!r}" for a, _, b in BAD])
-def test_bad_input(
-    arguments: list[str], good: str, bad: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bad_input(arguments: list[str], good: str, bad: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One sentence on standard error, exit code 2, nothing written."""
     monkeypatch.chdir(tmp_path)
     assert good in COARSE

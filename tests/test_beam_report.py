@@ -90,9 +90,7 @@ def test_thickness_force_and_material_scale() -> None:
     base = analysed(replace(SHEET, element=6.0), whole, 1)
     thick = analysed(replace(SHEET, element=6.0, thickness=4.0), whole, 1)
     stiff = analysed(replace(SHEET, element=6.0, material=Material(140e3, 0.33)), whole, 1)
-    strong = analysed(
-        replace(SHEET, element=6.0, loads=(replace(SHEET.loads[0], force=(2400.0, 0)),)), whole, 1
-    )
+    strong = analysed(replace(SHEET, element=6.0, loads=(replace(SHEET.loads[0], force=(2400.0, 0)),)), whole, 1)
     for other, stress, move in ((thick, 0.5, 0.5), (stiff, 1, 0.5), (strong, 2, 2)):
         assert other.compliance == pytest.approx(base.compliance)
         assert other.von_mises == pytest.approx(stress * base.von_mises)
