@@ -6,8 +6,8 @@
 Each problem is designed twice, without and with `simplify` at 1%. Compliance is that of the solid/void part on a grid
 four times as fine as the design's, with load, stiffness and thickness 1. NUMBERS.json: {"problems": {"cant_0.5":
 {"number_to_beat_4x": 59.77}, ...}}. SCORER.py: an independent judge, called as `SCORER.py PROBLEM VOLUME OUTLINE.json`
-with an outline {"loops": [...]} in mm, which are the problems' base elements; it prints JSON with c_4x and volume. OUTLINE
-files are written to DIR, as are the pictures of the designs.
+with an outline {"loops": [...]} in mm, which are the problems' base elements; it prints JSON with c_4x and volume.
+OUTLINE files are written to DIR, as are the pictures of the designs.
 """
 
 from __future__ import annotations
@@ -78,10 +78,11 @@ def line(name: str, full: Row, few: Row, beat: float | None, simp: float | None)
     return f"| {name} | {best} | {rival} | {value(full)} | {value(few)} |"
 
 
-HEAD = """\
-| problem | best known | SIMP | compliance (ratio) | volume | primitives | CPU s | with 1%: compliance | volume | primitives \
-| CPU s |
-|---|---|---|---|---|---|---|---|---|---|---|"""
+COLUMNS = (
+    "problem", "best known", "SIMP", "compliance (ratio)", "volume", "primitives", "CPU s", "at 1%: compliance",
+    "volume", "primitives", "CPU s",
+)  # fmt: skip
+HEAD = f"| {' | '.join(COLUMNS)} |\n|{'---|' * len(COLUMNS)}"
 
 
 def main() -> None:

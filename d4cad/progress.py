@@ -47,9 +47,7 @@ def likeness(record: Record) -> str:
     return f"loss {record.loss:.3g} · {record.psnr:.1f} dB"
 
 
-def line(
-    record: Record | None, elapsed: float, max_time: float | None, quality: Quality = likeness
-) -> str:
+def line(record: Record | None, elapsed: float, max_time: float | None, quality: Quality = likeness) -> str:
     """Step, quality and primitives of the last record, seconds so far, and seconds left if there is a limit."""
     if record is None:
         return "starting" if elapsed < PATIENCE else "starting: the first run compiles, which takes a while"

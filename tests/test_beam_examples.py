@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from d4cad.beams.connection import require_supported
+from d4cad.beams.reading import parse_problem
+from d4cad.beams.writing import toml_of
 from d4cad.fit import load_program
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
@@ -21,6 +24,17 @@ def example(name: str) -> Any:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+def test_the_documented_problem_is_one() -> None:
+    """Every key of docs/beams.md, with its unit, is read."""
+    page = (EXAMPLES.parent / "docs" / "beams.md").read_text()
+    text = page.split("```toml\n")[1].split("```")[0]
+    problem = parse_problem(text)
+    require_supported(problem)
+    assert parse_problem(toml_of(problem)) == problem
+    assert problem.material.strength == 240
+    assert len(problem.cuts) == len(problem.voids) == len(problem.solids) == 1
 
 
 def test_cantilever(tmp_path: Path) -> None:

@@ -75,7 +75,10 @@ def test_stress_of_constant_strain() -> None:
 
 
 def test_hole_in_a_sheet_has_three_times_the_stress() -> None:
-    """Kirsch 1898: beside the hole 1 + (a / r)^2 / 2 + 3 (a / r)^4 / 2 times that far away; here at a window's centre."""
+    """Kirsch 1898: at r beside a hole of radius a 1 + (a / r)^2 / 2 + 3 (a / r)^4 / 2 times that far away.
+
+    Here r is that of the window's centre.
+    """
     sheet = replace(SHEET, element=2.0)
     found = analysed(sheet, part(box(0, 0, 60, 60), Circle((30, 30), 4.0).loop()), 6)
     stress, (x, y) = peak_stress(found, 2)

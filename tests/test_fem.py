@@ -58,7 +58,7 @@ def test_element_feels_no_rigid_motion(nu: float) -> None:
 
 @pytest.mark.parametrize("nu", [0.5, 0.7, -1.0, float("nan")])
 def test_no_material_has_such_a_poisson_ratio(nu: float) -> None:
-    with pytest.raises(InputError, match="between -1 and 0.5"):
+    with pytest.raises(InputError, match=r"between -1 and 0\.5"):
         element_stiffness(nu)
 
 
@@ -120,7 +120,7 @@ def test_numbering_does_not_matter(seed: int) -> None:
     standing = PlaneStress.of(tall, fixed, loads, NU)
     a, b = lying.solve(young), standing.solve(np.ascontiguousarray(young.T))
     assert a.compliance == pytest.approx(b.compliance, rel=1e-10)
-    assert a.energy.T == pytest.approx(b.energy, rel=1e-8)
+    assert pytest.approx(b.energy, rel=1e-8) == a.energy.T
 
 
 @given(st.integers(0, 2**32 - 1))

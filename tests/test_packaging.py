@@ -35,10 +35,13 @@ ALLOWED: dict[str, set[str]] = {
     "raster": {"raster", "errors", "canvas", "program"},
     "grammars": GEOMETRY | {"grammars", "raster", "canvas", "program", "protocols"},
     "objectives": {"objectives", "raster", "canvas", "errors", "program", "protocols"},
+    "beams": GEOMETRY
+    | {"beams", "booleans", "canvas", "descent", "estimators", "exporters", "files", "fit", "grammars", "importers"}
+    | {"io", "objectives", "program", "programs", "protocols", "raster", "segmentation", "steppers", "summary"},
     "program": {"errors"},
     "protocols": {"canvas", "errors", "program", "raster", "sketch"},
     "descent": {"canvas", "errors", "program", "protocols"},
-    "estimators": {"canvas", "errors", "program", "protocols"},
+    "estimators": {"canvas", "errors", "program", "protocols", "raster"},
     "steppers": {"canvas", "errors", "program", "protocols"},
     "images": {"errors"},
     "outlines": GEOMETRY,

@@ -167,8 +167,8 @@ class Problem:
     def domain(self, refinement: float = 1.0) -> Domain:
         """The problem on a grid, total load 1 and lengths in elements of it.
 
-        Raises InputError for places that hold no node or no material, a volume that the solids exceed, and supports that
-        let the part move.
+        Raises InputError for places that hold no node or no material, a volume that the solids exceed, and supports
+        that let the part move.
         """
         grid = self.grid(refinement)
         side = self.element / refinement

@@ -1,4 +1,4 @@
-"""What a designed part is worth: stiffness as solid and void, volume, members, displacement and stress in real units."""
+"""What a designed part is worth: stiffness, volume, narrowest member, displacement and stress in real units."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def report(beam: Beam, fine: Analysis, *, simp: bool = False, files: Sequence[Pa
 
     fine: the part on the 4x grid, from :func:`d4cad.beams.stress.analysed`. compliance, compliance_fine: with load,
     stiffness and thickness 1, on the design's grid and on the fine one, elements solid or empty; None where the grid is
-    too coarse for the part to carry the load on it. volume: share of the domain, exact. simp: whether to run SIMP at the
-    same volume too.
+    too coarse for the part to carry the load on it. volume: share of the domain, exact. simp: whether to run SIMP at
+    the same volume too.
     """
     problem, notes = beam.problem, []
     try:
@@ -92,8 +92,8 @@ def text(facts: dict[str, Any]) -> str:
         f"{facts['problem']}: {facts['primitives']} primitives ({', '.join(kinds)}), {facts['holes']} holes",
         f"domain {width:g} x {height:g} mm, {facts['thickness_mm']:g} mm thick, volume {facts['volume']:.4f} of it "
         f"({facts['volume_asked']:g} asked)",
-        f"compliance {facts['compliance_fine']:.4g} on elements of {facts['element_mm'] / 4:g} mm, {design} on those of "
-        f"{facts['element_mm']:g} mm (load, stiffness and thickness 1)",
+        f"compliance {facts['compliance_fine']:.4g} on elements of {facts['element_mm'] / 4:g} mm, {design} on those "
+        f"of {facts['element_mm']:g} mm (load, stiffness and thickness 1)",
         f"work of the load {facts['work_nmm']:.4g} N mm, largest displacement {facts['max_displacement_mm']:.3g} mm",
         f"largest von Mises stress {facts['max_von_mises_mpa']:.3g} MPa near ({x:g}, {y:g}) mm{safety}",
         f"narrowest member {facts['minimum_member_mm']:.3g} mm",
@@ -101,8 +101,8 @@ def text(facts: dict[str, Any]) -> str:
     if facts["simp"] is not None:
         rival = facts["simp"]
         lines.append(
-            f"SIMP at the same volume: compliance {rival['compliance_fine']:.4g} after {rival['iterations']} iterations "
-            f"and {rival['cpu_s']:.1f} s; this part has {rival['ratio']:.3f} times that"
+            f"SIMP at the same volume: compliance {rival['compliance_fine']:.4g} after {rival['iterations']} "
+            f"iterations and {rival['cpu_s']:.1f} s; this part has {rival['ratio']:.3f} times that"
         )
     return "\n".join(
         [

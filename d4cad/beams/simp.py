@@ -1,7 +1,8 @@
 """The classical rival: SIMP with a density filter, as the 88-line code has it.
 
-Andreassen, Clausen, Schevenels, Lazarov and Sigmund, "Efficient topology optimization in MATLAB using 88 lines of code",
-Struct. Multidisc. Optim. 43 (2011): modified SIMP of exponent 3, density filter, optimality criteria, no continuation.
+Andreassen, Clausen, Schevenels, Lazarov and Sigmund, "Efficient topology optimization in MATLAB using 88 lines of
+code", Struct. Multidisc. Optim. 43 (2011): modified SIMP of exponent 3, density filter, optimality criteria, no
+continuation.
 """
 
 from __future__ import annotations

@@ -82,9 +82,7 @@ def report(
 
 
 @contextmanager
-def progress(
-    max_time: float | None, *, shown: bool, quality: Callable[[Any], str] | None = None
-) -> Iterator[Any]:
+def progress(max_time: float | None, *, shown: bool, quality: Callable[[Any], str] | None = None) -> Iterator[Any]:
     """A function that shows each record of a running fit on the terminal; None where nobody looks on.
 
     quality: words for how good a record is; a picture's by default.
