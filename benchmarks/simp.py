@@ -32,10 +32,11 @@ def main() -> None:
         if asked.only and f"{name}_{volume:g}" not in asked.only:
             continue
         problem = replace(find_problem(name, volume), element=asked.element)
-        run, design, fine = compared(problem, asked.radius, asked.iterations)
+        rival = compared(problem, asked.radius, asked.iterations)
+        coarse, fine = ("broken" if a is None else f"{a.compliance:.2f}" for a in (rival.design, rival.fine))
+        run = rival.run
         print(
-            f"| {name}_{volume:g} | {run.model:.2f} | {design.compliance:.2f} | {fine.compliance:.2f} | "
-            f"{run.iterations} | {run.seconds:.1f} |",
+            f"| {name}_{volume:g} | {run.model:.2f} | {coarse} | {fine} | {run.iterations} | {run.seconds:.1f} |",
             flush=True,
         )
 

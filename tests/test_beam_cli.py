@@ -72,7 +72,6 @@ def test_report(made: tuple[Path, dict[str, Any]]) -> None:
     assert facts["thickness_mm"] == 8
     assert facts["work_nmm"] == pytest.approx(facts["compliance_fine"] * 500**2 / (210e3 * 8))
     assert facts["compliance"] == pytest.approx(facts["compliance_fine"], rel=0.1)
-    assert facts["simp"]["volume"] == pytest.approx(0.45, abs=1e-3)
     assert facts["simp"]["ratio"] == pytest.approx(facts["compliance_fine"] / facts["simp"]["compliance_fine"])
     assert facts["simp"]["ratio"] < 1.05
     assert facts["safety_factor"] == pytest.approx(250 / facts["max_von_mises_mpa"])

@@ -146,7 +146,10 @@ def test_members_of_a_dumbbell() -> None:
 def test_simp_is_a_stiff_symmetric_design() -> None:
     problem = replace(CANTILEVER, element=2.0, volume=0.4)
     domain = problem.domain()
-    run, design, fine = compared(problem, iterations=40)
+    rival = compared(problem, iterations=40)
+    run, design, fine = rival.run, rival.design, rival.fine
+    assert design is not None
+    assert fine is not None
     assert run.density.sum() == pytest.approx(domain.volume, rel=1e-3)
     assert run.density == pytest.approx(run.density[::-1], abs=1e-6)
     assert fine.volume == round(0.4 * 120 * 240)
@@ -169,3 +172,9 @@ def test_simp_keeps_fixed_regions() -> None:
     assert np.all(solid[fine.solid])
     assert not np.any(solid[fine.void | ~fine.inside])
     assert solid.sum() == round(fine.volume)
+
+
+def test_a_broken_rival_is_told() -> None:
+    """After one iteration the density is nearly even: its level set is a scatter."""
+    rival = compared(replace(CANTILEVER, element=4.0, volume=0.1), iterations=1)
+    assert rival.fine is None

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from d4cad.beams.problem import Problem
 from d4cad.beams.stress import REFINEMENT, Analysis, analysed_elements
+from d4cad.errors import InputError
 from d4cad.objectives.domain import Domain
 from d4cad.program import Floats
 
@@ -82,11 +83,26 @@ def thresholded(problem: Problem, density: Floats, refinement: int = REFINEMENT)
     return np.asarray((found.reshape(fine.shape) & fine.free) | fine.solid)
 
 
-def compared(problem: Problem, radius: float = 3.0, iterations: int = 200) -> tuple[SimpRun, Analysis, Analysis]:
-    """A run at the problem's volume, its thresholded part on the design's grid and on the fine one."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Rival:
+    """A run and its thresholded part on the design's grid and on the fine one; None where it carries no load there."""
+
+    run: SimpRun
+    design: Analysis | None
+    fine: Analysis | None
+
+
+def compared(problem: Problem, radius: float = 3.0, iterations: int = 200) -> Rival:
+    """SIMP at the problem's volume, its part analysed as any other is."""
     run = simp(problem.domain(), radius, iterations)
-    design, fine = (analysed_elements(problem, thresholded(problem, run.density, r), r) for r in (1, REFINEMENT))
-    return run, design, fine
+
+    def part(refinement: int) -> Analysis | None:
+        try:
+            return analysed_elements(problem, thresholded(problem, run.density, refinement), refinement)
+        except InputError:
+            return None
+
+    return Rival(run, part(1), part(REFINEMENT))
 
 
 def _cone(radius: float) -> Floats:
