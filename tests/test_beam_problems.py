@@ -158,19 +158,19 @@ def test_the_library_can_be_written_and_is_supported(problem: Problem) -> None:
 
 
 BAD = [
-    ("young = 70e3", "young = -5", "line 9: Young's modulus must be a positive number of MPa, got -5"),
-    ("poisson = 0.33", "poisson = 0.5", "line 9: Poisson's ratio must lie between -1 and 0.5, got 0.5"),
+    ("young = 70e3", "young = -5", "line 10: Young's modulus must be a positive number of MPa, got -5"),
+    ("poisson = 0.33", "poisson = 0.5", "line 11: Poisson's ratio must lie between -1 and 0.5, got 0.5"),
     ("poisson = 0.33", 'poisson = "steel"', "line 11: poisson must be a number, got 'steel'"),
-    ("yield = 250", "yield = 0", "line 9: the yield strength must be a positive number of MPa, got 0"),
-    ("volume = 0.4", "volume = 0", "the volume must be a share between 0 and 1 of the domain, got 0"),
-    ("volume = 0.4", "volume = 1", "the volume must be a share between 0 and 1 of the domain, got 1"),
+    ("yield = 250", "yield = 0", "line 12: the yield strength must be a positive number of MPa, got 0"),
+    ("volume = 0.4", "volume = 0", "line 2: the volume must be a share between 0 and 1 of the domain, got 0"),
+    ("volume = 0.4", "volume = 1", "line 2: the volume must be a share between 0 and 1 of the domain, got 1"),
     ("volume = 0.4", "", "it states no volume, the share of the domain that may be material"),
     ("volume = 0.4", "volume = true", "line 2: volume must be a number, got True"),
     ("volume = 0.4", "volumes = 0.4", "line 2: unknown key 'volumes'"),
-    ("thickness = 8", "thickness = -1", "the thickness must be a positive number of mm, got -1"),
+    ("thickness = 8", "thickness = -1", "line 3: the thickness must be a positive number of mm, got -1"),
     ("size = [40, 20]", "size = [40]", r"line 6: size must be 2 numbers, got \[40\]"),
-    ("size = [40, 20]", "size = [40, -20]", "the domain's size must be two positive numbers of mm"),
-    ("element = 2.0", "element = 11", "at most a quarter of the domain's shorter side"),
+    ("size = [40, 20]", "size = [40, -20]", "line 6: the domain's size must be two positive numbers of mm"),
+    ("element = 2.0", "element = 11", "line 7: an element must be .* at most a quarter of the domain's shorter side"),
     ("element = 2.0", "elements = 2", "line 7: unknown key 'elements'"),
     ("[domain]", "[domian]", "line 5: unknown key 'domian'"),
     ("[[support]]\nfrom", "[[suport]]\nfrom", "line 14: unknown key 'suport'"),
@@ -201,6 +201,18 @@ def without(head: str) -> str:
     """The good text without the tables of that kind."""
     blocks = GOOD.split("\n\n")
     return "\n\n".join(block for block in blocks if not block.startswith(f"[[{head}]]"))
+
+
+def test_a_volume_from_outside_has_no_line() -> None:
+    with pytest.raises(InputError, match=r"^the volume must be a share"):
+        parse_problem(GOOD, volume=2.0)
+
+
+def test_problems_in_python_are_checked_too() -> None:
+    with pytest.raises(InputError, match="must be finite"):
+        replace(CANTILEVER, loads=(Load(Place((120, 30), (120, 30)), (0, float("nan"))),))
+    with pytest.raises(InputError, match=r"the support at \(0, 0\) mm must fix"):
+        replace(CANTILEVER, supports=(Support(Place((0, 0), (0, 0)), "xz"),))
 
 
 def test_no_support_and_no_load() -> None:

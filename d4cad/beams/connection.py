@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from d4cad.beams.occupancy import solid_elements
-from d4cad.beams.problem import Problem, touched
+from d4cad.beams.problem import Problem
 from d4cad.errors import InputError
-from d4cad.objectives.fem import Grid, holds
+from d4cad.objectives.fem import holds
+from d4cad.objectives.solid import touched_dofs
 from d4cad.sketch import Sketch
 
 Bools = NDArray[np.bool_]
@@ -34,27 +35,18 @@ def _require_held(problem: Problem, solid: Bools, refinement: float, what: str) 
     """Pieces are joined along the sides of elements: a corner carries no moment."""
     from scipy.ndimage import label
 
-    domain = problem.domain(refinement)
-    grid, fixed = domain.elastic.grid, domain.elastic.fixed
-    side = problem.element / refinement
-    pieces, count = label(solid)
+    elastic = problem.domain(refinement).elastic
+    grid, side = elastic.grid, problem.element / refinement
+    pieces, _ = label(solid)
     every = np.ones((grid.width + 1, grid.height + 1), dtype=np.bool_)
-    # the material within a node's reach of each piece, and whether the supports on it hold it
-    reach = [touched(grid, pieces == k) for k in range(1, count + 1)]
-    held = [_is_held(reach_k, grid.nodes, fixed, grid) for reach_k in reach]
     for load in problem.loads:
         if not any(load.force):
             continue
-        loaded = np.isin(grid.nodes, problem.nodes(grid, load.place, side, every, "load"))
-        carrying = [k for k in range(count) if (reach[k] & loaded).any()]
-        if not carrying:
+        loaded = np.zeros(grid.size, dtype=np.bool_)
+        loaded[2 * problem.nodes(grid, load.place, side, every, "load")] = True
+        carrying = np.unique(pieces.ravel()[loaded[grid.dofs].any(axis=1)])
+        carrying = carrying[carrying > 0]
+        if carrying.size == 0:
             raise InputError(f"the load at {load.place} does not touch {what}")
-        if not any(held[k] for k in carrying):
+        if not any(holds(grid, elastic.fixed & touched_dofs(grid, pieces == k)) for k in carrying):
             raise InputError(f"no support holds {what} at the load at {load.place}: it is a mechanism")
-
-
-def _is_held(reach: Bools, nodes: NDArray[np.int64], fixed: Bools, grid: Grid) -> bool:
-    numbers = nodes[reach]
-    here = np.zeros_like(fixed)
-    here[2 * numbers] = here[2 * numbers + 1] = True
-    return holds(grid, fixed & here)

@@ -133,6 +133,12 @@ class Problem:
             raise InputError("there is no support")
         if not any(any(load.force) for load in self.loads):
             raise InputError("there is no load")
+        for load in self.loads:
+            if not all(isfinite(part) for part in load.force):
+                raise InputError(f"the load at {load.place} must be finite, got {load.force}")
+        for support in self.supports:
+            if support.fix not in ("x", "y", "xy"):
+                raise InputError(f'the support at {support.place} must fix "x", "y" or "xy", got {support.fix!r}')
         if not (isfinite(self.thickness) and self.thickness > 0):
             raise InputError(f"the thickness must be a positive number of mm, got {self.thickness:g}")
 
@@ -176,14 +182,14 @@ class Problem:
         inside = ~_covered(self.cuts, x, y)
         void = _covered(self.voids, x, y) & inside
         solid = _covered(self.solids, x, y) & inside & ~void
-        held = touched(grid, inside)
+        held = _touched(grid, inside)
         fixed = np.zeros(grid.size, dtype=np.bool_)
         for support in self.supports:
             nodes = self.nodes(grid, support.place, side, held, "support")
             for axis, letter in enumerate("xy"):
                 if letter in support.fix:
                     fixed[2 * nodes + axis] = True
-        carrying = touched(grid, inside & ~void)
+        carrying = _touched(grid, inside & ~void)
         loads = np.zeros((grid.size, len(self.cases)))
         for load in self.loads:
             nodes = self.nodes(grid, load.place, side, carrying, "load")
@@ -244,7 +250,7 @@ def _covered(places: tuple[Place, ...], x: Floats, y: Floats) -> Bools:
     return found
 
 
-def touched(grid: Grid, elements: Bools) -> Bools:
+def _touched(grid: Grid, elements: Bools) -> Bools:
     """The nodes (width + 1, height + 1) that have one of the elements (height, width) beside them."""
     found = np.zeros((grid.width + 1, grid.height + 1), dtype=np.bool_)
     for i in (0, 1):

@@ -31,8 +31,7 @@ def solve_solid(elastic: PlaneStress, solid: Bools) -> Response:
     grid, dofs = elastic.grid, elastic.dofs
     here = held_pieces(grid, elastic.fixed, grown(solid)).ravel()
     parts = dofs[here]
-    used = np.zeros(grid.size, dtype=np.bool_)
-    used[parts] = True
+    used = touched_dofs(grid, here)
     if elastic.loads[~used].any():
         raise InputError("a load acts on no material, or on a piece of it that the supports do not hold")
     free = used & ~elastic.fixed
@@ -63,12 +62,14 @@ def held_pieces(grid: Grid, fixed: Bools, elements: Bools) -> Bools:
     """Those of the elements (height, width) whose piece, joined along sides and at corners, the supports hold."""
     from scipy.ndimage import label
 
-    pieces, count = label(elements, structure=np.ones((3, 3)))
-    found = np.zeros(elements.shape, dtype=np.bool_)
-    for k in range(1, count + 1):
-        piece = pieces == k
-        touched = np.zeros(grid.size, dtype=np.bool_)
-        touched[grid.dofs[piece.ravel()]] = True
-        if holds(grid, fixed & touched):
-            found |= piece
+    pieces, _ = label(elements, structure=np.ones((3, 3)))
+    supported = np.unique(pieces.ravel()[fixed[grid.dofs].any(axis=1)])
+    found = [k for k in supported[supported > 0] if holds(grid, fixed & touched_dofs(grid, pieces == k))]
+    return np.isin(pieces, found)
+
+
+def touched_dofs(grid: Grid, elements: Bools) -> Bools:
+    """The degrees of freedom (dofs,) of elements (height, width)."""
+    found = np.zeros(grid.size, dtype=np.bool_)
+    found[grid.dofs[elements.ravel()]] = True
     return found
