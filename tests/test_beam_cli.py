@@ -16,9 +16,12 @@ from d4cad import importers
 from d4cad.beams.occupancy import solid_elements
 from d4cad.beams.reading import parse_problem
 from d4cad.cli import app
+from d4cad.cli.beam import _stiffness
+from d4cad.descent import Record
 from d4cad.exporters import occ
 from d4cad.fit import load_program
 from d4cad.objectives.fem import Grid
+from d4cad.progress import line
 from d4cad.sketch import Sketch
 
 COARSE = """\
@@ -200,3 +203,8 @@ def test_unknown_problem() -> None:
     found = run("bracket")
     assert found.exit_code == 2
     assert "expected one of cantilever, mbb, mbb-half, l-bracket, bridge, or a .toml file" in found.stderr
+
+
+def test_live_line_tells_stiffness() -> None:
+    shown = line(Record(20, 1.8512, 31, 2, 3.0), 4.0, 10.0, _stiffness)
+    assert shown == "step 20 · compliance 1.851 x the full domain's · 31 primitives · 4.0 s · 6 s left"
