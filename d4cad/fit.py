@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from math import inf, isfinite, log10, sqrt
 from os import PathLike
@@ -18,7 +18,7 @@ from d4cad import exporters, io
 from d4cad.canvas import Canvas
 from d4cad.descent import Record, Stop, descend
 from d4cad.edgemodel import AREA_RAMP, exact, measured
-from d4cad.errors import D4cadError, ExportError, GeometryError, InputError
+from d4cad.errors import ExportError, GeometryError, InputError
 from d4cad.exporters import preview
 from d4cad.exporters.svg import svg
 from d4cad.images import load
@@ -27,7 +27,7 @@ from d4cad.outputs import check_output
 from d4cad.placement import DEFAULT_DPI, DEFAULT_THICKNESS, Placement
 from d4cad.program import Floats, Program
 from d4cad.protocols import Grammar
-from d4cad.registry import entry, make_grammar, make_method
+from d4cad.registry import make_grammar, make_method
 from d4cad.sketch import Sketch
 
 MARGIN = 8
@@ -84,7 +84,8 @@ class Fit:
     ) -> Placement:
         """What is given, and for the rest what the picture or the program file states."""
         origin = self.made.origin if origin is None else origin
-        given = Placement(width, scale, dpi, origin, self.made.thickness if thickness is None else thickness)
+        thickness = self.made.thickness if thickness is None else thickness
+        given = Placement(width, scale, dpi, origin, thickness, self.made.zero)
         if given.sized:
             return given
         return replace(given, width=self.made.width, scale=self.made.scale, dpi=self.made.dpi)
@@ -99,13 +100,13 @@ class Fit:
         """The part's outline in mm, y up.
 
         At most one of width: the part's extent in x, in mm; scale: mm per pixel; dpi: pixels per inch. Without one the
-        picture's own resolution counts, or 96 dpi. origin: "corner" or "center" of the part's bounding box at (0, 0).
+        picture's own resolution counts, or 96 dpi. origin: as :class:`d4cad.placement.Placement` has it.
         """
         return self.placement(width, scale, dpi, origin).place(self.outline, self.canvas)
 
     def notes(self, placement: Placement, *, solid: bool) -> tuple[str, ...]:
         """What was assumed for a part so placed, a sentence each; ``solid``: whether a thickness matters."""
-        found = []
+        found = [str(note) for note in self.settings.get("notes", ())]
         if not placement.sized:
             found.append(f"the picture states no resolution and no size was given: {DEFAULT_DPI:g} dpi assumed")
         if solid and placement.thickness is None:
@@ -245,7 +246,7 @@ def fit_coverage(
     if start is None:
         first = language.axiom(canvas)
     else:  # a wide ramp would first undo what was found
-        first = start.program
+        first = _on_target(start, target, canvas)
         settings = replace(settings, stages=tuple(s for s in settings.stages if s.ramp == canvas.ramp))
     seen = [first]
 
@@ -321,51 +322,10 @@ def warm(grammar: str, method: str) -> None:
 
 
 def load_program(path: str | PathLike[str]) -> Fit:
-    """The fit that a program file holds, its target excepted. Raises InputError, which names the file."""
-    file = io.read(path)
-    try:
-        return _decoded(file)
-    except D4cadError as error:
-        raise InputError(f"{path} is not a usable program file: {error}") from None
+    """The fit that a program file or a drawing holds: see :func:`d4cad.programs.load`."""
+    from d4cad.programs import load
 
-
-def _decoded(file: io.ProgramFile) -> Fit:
-    found = entry(file.grammar)
-    grammar = found.fast(file.canvas)
-    structure = grammar.decode(file.structure)
-    if len(file.params) != found.size(structure):
-        raise InputError(f"its structure has {found.size(structure)} parameters, but its params are {len(file.params)}")
-    if file.stop.upper() not in Stop.__members__:
-        raise InputError(f"its stop is {file.stop!r}, expected one of {', '.join(Stop.__members__).lower()}")
-    program = Program(structure, np.array(file.params))
-    return Fit(
-        program=program,
-        canvas=file.canvas,
-        grammar=grammar,
-        psnr=file.psnr,
-        outline=joined_outline(grammar, program, file.canvas, 10 ** (-file.psnr / 10)),
-        history=tuple(Record(**record) for record in file.history),  # type: ignore[arg-type]
-        stop=Stop[file.stop.upper()],
-        seconds=_seconds(file.extra, "cpu_s"),
-        wall=_seconds(file.extra, "wall_s"),
-        settings={key: value for key, value in file.settings.items() if key != "placement"},
-        made=_placement(file.settings.get("placement", {})),
-    )
-
-
-def _seconds(extra: Mapping[str, Any], key: str) -> float:
-    value = extra.get(key, 0.0)
-    return float(value) if isinstance(value, (int, float)) else 0.0
-
-
-def _placement(value: object) -> Placement:
-    known = {f.name for f in fields(Placement)}
-    if not isinstance(value, dict) or not set(value) <= known:
-        raise InputError(f"its placement is not an object with some of {', '.join(sorted(known))}")
-    for key, x in value.items():
-        if not isinstance(x, str if key == "origin" else (int, float)) or isinstance(x, bool):
-            raise InputError(f"its placement has a wrong {key}: {x!r}")
-    return Placement(**value)
+    return load(path)
 
 
 def joined_outline(grammar: Grammar[Any], program: Program[Any], canvas: Canvas, error: float) -> Sketch:
@@ -392,6 +352,15 @@ def _check_request(seed: int, max_time: float | None, ramp: float | None = None)
     for name, value in (("time limit", max_time), ("ramp", ramp)):
         if value is not None and not (isfinite(value) and value > 0):
             raise InputError(f"the {name} must be a positive number, got {value:g}")
+
+
+def _on_target(start: Fit, target: Floats, canvas: Canvas) -> Program[Any]:
+    """The program to go on from: as it is, or a drawing's moved onto the shape in the target."""
+    if "drawing" not in start.settings:
+        return start.program
+    from d4cad.programs import moved_onto
+
+    return moved_onto(start, target, canvas)
 
 
 def _start(init: str | PathLike[str] | Fit, grammar: str) -> Fit | None:

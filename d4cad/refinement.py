@@ -1,8 +1,8 @@
 """A chain of lines and arcs moved to the least squared distance from points, and rid of vertices that noise had made
 necessary.
 
-Distances are linearised as everywhere in d4cad: by the envelope theorem the distance of a point changes with the foot on
-the edge at a fixed parameter t of the Moebius curve (:mod:`d4cad.edges`).
+Distances are linearised as everywhere in d4cad: by the envelope theorem the distance of a point changes with the foot
+on the edge at a fixed parameter t of the Moebius curve (:mod:`d4cad.edges`).
 """
 
 from __future__ import annotations
@@ -92,7 +92,8 @@ def _free(chain: Chain, samples: Samples, fixed: Bools) -> Bools:
 
 
 def _without_needless(chain: Chain, samples: Samples, fixed: Bools, tolerance: float) -> Chain:
-    """Vertices left out one by one, and arcs made lines, where the edges around can be moved so that it does not matter."""
+    """Vertices left out one by one, and arcs made lines, where the edges around can be moved so that it does not
+    matter."""
     i = 0
     while i < chain.points.size:
         found = None
@@ -168,7 +169,8 @@ def _around(edge: int, chain: Chain) -> Indices:
 
 
 def _one_curve(q: Complexes, tolerance: float) -> bool:
-    """Whether a line or a circle comes within the tolerance of all points: least squares, the circle's by Kasa (1976)."""
+    """Whether a line or a circle comes within the tolerance of all points: least squares, the circle's by Kasa
+    (1976)."""
     p = q - q.mean()
     if np.abs(p).max() <= tolerance:
         return True
@@ -220,7 +222,8 @@ def _moved(chain: Chain, samples: Samples, edges: Indices, free: Bools) -> Chain
 
 
 class _Layout(NamedTuple):
-    """Columns of the normal equations: of each vertex its x, with y behind it, and of each bulge; -1 where it is kept."""
+    """Columns of the normal equations: of each vertex its x, with y behind it, and of each bulge; -1 where it is
+    kept."""
 
     vertex: Indices
     bulge: Indices

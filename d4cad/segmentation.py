@@ -9,6 +9,7 @@ takes the chain of fewest edges, and among those the one of least squared error.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,8 @@ from d4cad.refinement import Chain, Samples, refined
 Indices = NDArray[np.int64]
 
 SHARES = (0.98, 0.9, 0.7)
-"""Shares of the tolerance that edges may use at the points that are looked at: the next where it is exceeded between."""
+"""Shares of the tolerance that edges may use at the points that are looked at: the next where it is exceeded
+between."""
 
 ENDS = 260
 """So many candidate ends are enough to look for more by a finer simplification."""
@@ -37,10 +39,10 @@ PATIENCE = 8
 def segment(points: Floats, tolerance: float, *, corners: Sequence[int] = ()) -> Loop:
     """The closed polygon through ``points`` (n, 2) as few lines and arcs.
 
-    The result stays within ``tolerance``, a length in the unit of the points, of the polygon and the reverse. ``corners``:
-    indices of points at which an edge must end; a vertex of the result lies within the tolerance of each. A polygon within
-    the tolerance of one circle becomes two semicircles. Raises GeometryError for a tolerance that is not positive, points
-    that are not finite, or fewer than three different ones.
+    The result stays within ``tolerance``, a length in the unit of the points, of the polygon and the reverse.
+    ``corners``: indices of points at which an edge must end; a vertex of the result lies within the tolerance of each.
+    A polygon within the tolerance of one circle becomes two semicircles. Raises GeometryError for a tolerance that is
+    not positive, points that are not finite, or fewer than three different ones.
     """
     z = _plane(points, tolerance)
     z, kept = _distinct(z, closed=True)
@@ -117,7 +119,8 @@ def _circle(polygon: Loop, tolerance: float) -> Loop | None:
 
 
 def _bowed(polygon: Loop) -> Loop:
-    """The polygon with arcs that turn by as much as it does at their ends, so that its vertices say what its radius is."""
+    """The polygon with arcs that turn by as much as it does at their ends, so that its vertices say what its radius
+    is."""
     e = polygon.edges
     heading = np.angle(e.z1 - e.z0)
     turn = np.remainder(heading - np.roll(heading, 1) + np.pi, 2 * np.pi) - np.pi
@@ -141,7 +144,9 @@ def _chain(z: Complexes, tolerance: float, must: Bools, closed: bool) -> Chain:
     finer = _cheapest(samples, _ends_near(found, samples, place), forced, tolerance)
     found = min(found, finer, key=lambda f: f.cost)
     n = samples.z.size
-    first = Chain(samples.z[found.at % n] if not closed else samples.z[found.at[:-1] % n], np.tan(found.half / 2), found.at)
+    first = Chain(
+        samples.z[found.at % n] if not closed else samples.z[found.at[:-1] % n], np.tan(found.half / 2), found.at
+    )
     return refined(first, samples, forced, tolerance)
 
 
@@ -202,8 +207,7 @@ def _cheapest(samples: Samples, ends: Indices, forced: Bools, tolerance: float) 
         cost = reaches(x, y, samples.weight, ends, forced[ends], samples.closed, looked_at, tolerance, PATIENCE)
         chain, price = cheapest_ring(cost) if samples.closed else cheapest(cost, 0, m - 1, np.inf)
         at = np.asarray(ends[chain % m] + n * (chain // m), dtype=np.int64)
-        found = [fitted(x, y, samples.weight, a, b, 1, tolerance) for a, b in zip(at[:-1], at[1:], strict=True)]
+        found = [fitted(x, y, samples.weight, a, b, 1, tolerance) for a, b in pairwise(at.tolist())]
         if looked_at >= n or all(error < np.inf for _, error in found):
             return _Found(at, np.array([half for half, _ in found]), price)
         looked_at *= 8
-

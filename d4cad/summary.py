@@ -26,6 +26,7 @@ def summary(fit: Fit, placement: Placement, files: Sequence[Path]) -> dict[str, 
     xmin, ymin, xmax, ymax = sketch.bounds
     return {
         "picture": fit.settings.get("picture"),
+        "drawing": fit.settings.get("drawing"),
         "grammar": fit.grammar.name,
         "method": fit.settings.get("method"),
         "seed": fit.settings.get("seed"),
@@ -52,10 +53,12 @@ def text(facts: dict[str, Any]) -> str:
     if facts["circles"]:
         kinds[-1] += " of 2 arcs"
     width, height = facts["size_mm"]
+    fitted = facts["drawing"] is None
+    quality = f", {facts['psnr']:.1f} dB" if fitted else ""
     lines = [
-        f"{_count(facts['primitives'], 'primitive')} ({', '.join(kinds)}), {facts['psnr']:.1f} dB",
+        f"{_count(facts['primitives'], 'primitive')} ({', '.join(kinds)}){quality}",
         f"{width:.6g} x {height:.6g} mm",
-        f"stopped after {facts['wall_s']:.2f} s: {facts['stop_reason']}",
+        *([f"stopped after {facts['wall_s']:.2f} s: {facts['stop_reason']}"] if fitted else []),
         *(f"note: {note}" for note in facts["notes"]),
         *(f"wrote {path}" for path in facts["files"]),
     ]

@@ -33,7 +33,7 @@ def write_preview(
             raise InputError(f"the preview's {name} must have the canvas's shape {canvas.shape}, got {array.shape}")
     figure = _figure(sketch, canvas, target, coverage, title)
     with replacing(path) as temporary:
-        _save(figure, temporary)
+        save(figure, temporary)
 
 
 def require_format(path: str | Path) -> None:
@@ -116,7 +116,7 @@ def _draw(ax: Any, sketch: Sketch, canvas: Canvas) -> None:
     ax.scatter(points[:, 0], points[:, 1], s=size, facecolor="white", edgecolor=INK, linewidth=0.8, zorder=3)
 
 
-def _save(figure: Any, path: Path) -> None:
+def save(figure: Any, path: Path) -> None:
     """Saves without a date and with fixed element ids, so that the same fit is the same file."""
     import matplotlib
 

@@ -220,7 +220,7 @@ def test_pictures_that_are_none(
         (["--thickness", "0"], "the thickness must be a positive number in mm, got 0"),
         (["--thickness", "-1", "-o", "part.stl"], "got -1"),
         (["--width", "3", "--dpi", "96"], "expected one of width, scale and dpi, got width and dpi"),
-        (["--origin", "left"], "the origin must be corner or center, got 'left'"),
+        (["--origin", "left"], "the origin must be corner, center or drawing, got 'left'"),
         (["--method", "quick"], "there is no method 'quick'"),
         (["--grammar", "tree"], "there is no grammar 'tree'"),
         (["--init", "start.json"], "there is no program file start.json"),

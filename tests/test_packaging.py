@@ -25,14 +25,23 @@ ALLOWED: dict[str, set[str]] = {
     "loop": {"errors", "edges"},
     "joining": {"errors", "edges", "loop"},
     "sketch": GEOMETRY,
+    "runs": set(),
+    "deviation": {"edges", "loop", "runs"},
+    "refinement": {"deviation", "edges"},
+    "segmentation": GEOMETRY | {"deviation", "refinement", "runs"},
+    "simplification": GEOMETRY | {"deviation", "segmentation"},
+    "importers": GEOMETRY | {"booleans", "deviation", "importers", "segmentation"},
     "exporters": GEOMETRY | {"exporters", "canvas", "files"},
     "raster": {"raster", "errors", "canvas", "program"},
     "grammars": GEOMETRY | {"grammars", "raster", "canvas", "program", "protocols"},
     "objectives": {"objectives", "raster", "canvas", "errors", "program", "protocols"},
+    "beams": GEOMETRY
+    | {"beams", "booleans", "canvas", "descent", "estimators", "exporters", "files", "fit", "grammars", "importers"}
+    | {"io", "objectives", "program", "programs", "protocols", "raster", "segmentation", "steppers", "summary"},
     "program": {"errors"},
     "protocols": {"canvas", "errors", "program", "raster", "sketch"},
     "descent": {"canvas", "errors", "program", "protocols"},
-    "estimators": {"canvas", "errors", "program", "protocols"},
+    "estimators": {"canvas", "errors", "program", "protocols", "raster"},
     "steppers": {"canvas", "errors", "program", "protocols"},
     "images": {"errors"},
     "outlines": GEOMETRY,
@@ -145,6 +154,7 @@ def test_arrows(name: str, file: Path) -> None:
 def test_imports_are_light() -> None:
     """Each of these costs a tenth of a second to seconds, and none is needed to print help."""
     heavy = ["torch", "OCP", "build123d", "cadquery", "matplotlib", "numba", "scipy", "trimesh", "manifold3d", "PIL"]
+    heavy += ["ezdxf", "svgelements"]
     code = f"import sys, d4cad, d4cad.cli; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd="/")
     assert done.stdout.strip() == "[]"

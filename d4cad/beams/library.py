@@ -1,4 +1,4 @@
-"""The benchmark problems that come with d4cad, by name (loads and supports on patches, so that refinement converges)."""
+"""The benchmark problems that come with d4cad, by name; loads and supports on patches, so that refinement converges."""
 
 from __future__ import annotations
 

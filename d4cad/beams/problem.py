@@ -77,16 +77,22 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """young: MPa. poisson: a pure number. Raises InputError for what no material has."""
+    """young: MPa. poisson: a pure number. strength: stress in MPa at which it yields, None where no one asks.
+
+    Raises InputError for what no material has.
+    """
 
     young: float = 210e3
     poisson: float = 0.3
+    strength: float | None = None
 
     def __post_init__(self) -> None:
         if not (isfinite(self.young) and self.young > 0):
             raise InputError(f"Young's modulus must be a positive number of MPa, got {self.young:g}")
         if not -1 < self.poisson < 0.5:
             raise InputError(f"Poisson's ratio must lie between -1 and 0.5, got {self.poisson:g}")
+        if self.strength is not None and not (isfinite(self.strength) and self.strength > 0):
+            raise InputError(f"the yield strength must be a positive number of MPa, got {self.strength:g}")
 
 
 @dataclass(frozen=True)
@@ -127,6 +133,12 @@ class Problem:
             raise InputError("there is no support")
         if not any(any(load.force) for load in self.loads):
             raise InputError("there is no load")
+        for load in self.loads:
+            if not all(isfinite(part) for part in load.force):
+                raise InputError(f"the load at {load.place} must be finite, got {load.force}")
+        for support in self.supports:
+            if support.fix not in ("x", "y", "xy"):
+                raise InputError(f'the support at {support.place} must fix "x", "y" or "xy", got {support.fix!r}')
         if not (isfinite(self.thickness) and self.thickness > 0):
             raise InputError(f"the thickness must be a positive number of mm, got {self.thickness:g}")
 
@@ -161,8 +173,8 @@ class Problem:
     def domain(self, refinement: float = 1.0) -> Domain:
         """The problem on a grid, total load 1 and lengths in elements of it.
 
-        Raises InputError for places that hold no node or no material, a volume that the solids exceed, and supports that
-        let the part move.
+        Raises InputError for places that hold no node or no material, a volume that the solids exceed, and supports
+        that let the part move.
         """
         grid = self.grid(refinement)
         side = self.element / refinement
@@ -173,14 +185,14 @@ class Problem:
         held = _touched(grid, inside)
         fixed = np.zeros(grid.size, dtype=np.bool_)
         for support in self.supports:
-            nodes = self._nodes(grid, support.place, side, held, "support")
+            nodes = self.nodes(grid, support.place, side, held, "support")
             for axis, letter in enumerate("xy"):
                 if letter in support.fix:
                     fixed[2 * nodes + axis] = True
         carrying = _touched(grid, inside & ~void)
         loads = np.zeros((grid.size, len(self.cases)))
         for load in self.loads:
-            nodes = self._nodes(grid, load.place, side, carrying, "load")
+            nodes = self.nodes(grid, load.place, side, carrying, "load")
             share = self._shares(grid, load.place, nodes, side)
             for axis in (0, 1):
                 loads[2 * nodes + axis, self.cases.index(load.case)] += load.force[axis] / self.force * share
@@ -200,7 +212,7 @@ class Problem:
         )
         return Domain(inside, solid, void, elastic, volume, mirrored, margin)
 
-    def _nodes(self, grid: Grid, place: Place, side: float, held: Bools, what: str) -> NDArray[np.int64]:
+    def nodes(self, grid: Grid, place: Place, side: float, held: Bools, what: str) -> NDArray[np.int64]:
         """Numbers of the nodes in a place, ordered along x then y."""
         x, y = _node_places(grid, side)
         near = place.distances(x, y) < NEAR * side
@@ -222,7 +234,7 @@ class Problem:
             along = np.array(place.end) - np.array(place.start)
             order[grid.nodes.ravel()] = (x * along[0] + y * along[1]).ravel()
             share[[int(np.argmin(order[nodes])), int(np.argmax(order[nodes]))]] = 0.5
-        return share / share.sum()
+        return np.asarray(share / share.sum())
 
 
 def _node_places(grid: Grid, side: float) -> tuple[Floats, Floats]:

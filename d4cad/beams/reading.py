@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from math import isfinite
 from os import PathLike
@@ -16,6 +16,18 @@ from d4cad.errors import InputError
 
 TOP = {"name", "volume", "thickness", "domain", "material", "support", "load", "cut", "void", "solid"}
 PLACES = {"at", "from", "to", "box", "circle"}
+
+BLAMED = (
+    ("the volume", (), "volume"),
+    ("the thickness", (), "thickness"),
+    ("the domain", ("domain",), "size"),
+    ("an element", ("domain",), "element"),
+    ("elements", ("domain",), "element"),
+    ("Young", ("material",), "young"),
+    ("Poisson", ("material",), "poisson"),
+    ("the yield", ("material",), "yield"),
+)
+"""How a problem's and a material's own complaints begin, and the table and key that they are about."""
 
 
 def read_problem(path: str | PathLike[str], volume: float | None = None) -> Problem:
@@ -56,32 +68,33 @@ class _Reader:
     def problem(self, document: Mapping[str, Any], name: str, volume: float | None) -> Problem:
         self._known(document, TOP, ())
         domain = self._table(document, "domain", {"size", "element"})
-        material = self._table(document, "material", {"young", "poisson"}, needed=False)
+        material = self._table(document, "material", {"young", "poisson", "yield"})
         if "domain" not in document:
             raise InputError("it has no [domain] table with size and element")
         share = document.get("volume") if volume is None else volume
         if share is None:
             raise InputError("it states no volume, the share of the domain that may be material")
-        return self._made(
-            (),
-            lambda: Problem(
+        try:
+            return Problem(
                 name=str(document.get("name", name)),
                 size=self._point(domain, "size", ("domain",)),
                 element=self._number(domain, "element", ("domain",)),
                 volume=share if volume is not None else self._number(document, "volume", ()),
                 supports=tuple(self._support(item, ("support", k)) for k, item in self._items(document, "support")),
                 loads=tuple(self._load(item, ("load", k)) for k, item in self._items(document, "load")),
-                material=self._made(("material",), lambda: Material(
+                material=Material(
                     self._number(material, "young", ("material",), 210e3),
                     self._number(material, "poisson", ("material",), 0.3),
-                )),
+                    self._number(material, "yield", ("material",)) if "yield" in material else None,
+                ),
                 thickness=self._number(document, "thickness", (), 10.0),
                 **{
                     f"{kind}s": tuple(self._place(item, (kind, k)) for k, item in self._items(document, kind))
                     for kind in ("cut", "void", "solid")
                 },
-            ),
-        )  # fmt: skip
+            )
+        except InputError as error:
+            raise self._blamed(error, volume is not None) from None
 
     def _support(self, item: Mapping[str, Any], where: tuple[str, int]) -> Support:
         self._known(item, PLACES | {"fix"}, where)
@@ -96,7 +109,7 @@ class _Reader:
             self._place(item, where, {"force", "case"}), self._point(item, "force", where), str(item.get("case", ""))
         )
 
-    def _place(self, item: Mapping[str, Any], where: tuple[str, int], others: set[str] = frozenset()) -> Place:  # type: ignore[assignment]
+    def _place(self, item: Mapping[str, Any], where: tuple[str, int], others: Set[str] = frozenset()) -> Place:
         self._known(item, PLACES | others, where)
         keys = PLACES & set(item)
         if keys == {"at"}:
@@ -122,7 +135,7 @@ class _Reader:
             raise self._error(f"{key} must be written as [[{key}]]", (), key)
         return list(enumerate(value))
 
-    def _table(self, document: Mapping[str, Any], key: str, known: set[str], needed: bool = True) -> Mapping[str, Any]:
+    def _table(self, document: Mapping[str, Any], key: str, known: set[str]) -> Mapping[str, Any]:
         value = document.get(key, {})
         if not isinstance(value, dict):
             raise self._error(f"{key} must be a table, written as [{key}]", (), key)
@@ -143,22 +156,21 @@ class _Reader:
         good = isinstance(value, list) and len(value) == count and all(_is_number(v) for v in value)
         if not good:
             raise self._error(f"{key} must be {count} numbers, got {value!r}", where, key)
-        return [float(v) for v in value]  # type: ignore[union-attr]
+        return [float(v) for v in value or ()]
 
     def _number(self, item: Mapping[str, Any], key: str, where: tuple[Any, ...], default: float | None = None) -> float:
         value = item.get(key, default)
         if not _is_number(value):
             raise self._error(f"{key} must be a number, got {value!r}", where, key)
-        return float(value)  # type: ignore[arg-type]
+        return float(value)
 
-    def _made(self, where: tuple[Any, ...], make: Callable[[], Any]) -> Any:
-        """What ``make`` makes; its InputError gets the line of the table unless it names one."""
-        try:
-            return make()
-        except InputError as error:
-            if not where or str(error).startswith("line "):
-                raise
-            raise self._error(str(error), where, None) from None
+    def _blamed(self, error: InputError, volume_given: bool) -> InputError:
+        """The error with the line of the key that it is about, unless it names one or the file does not state it."""
+        message = str(error)
+        for beginning, where, key in BLAMED:
+            if message.startswith(beginning) and not (key == "volume" and volume_given):
+                return self._error(message, where, key)
+        return error
 
     def _error(self, message: str, where: tuple[Any, ...], key: str | None) -> InputError:
         return InputError(f"line {self._line(where, key)}: {message}")

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from d4cad import __version__
-from d4cad.cli import bench, export, fit
+from d4cad.cli import beam, bench, export, fit, simplify
 
 app = typer.Typer(
     help="A picture of a part becomes an exact CAD part of lines and arcs.",
@@ -42,5 +42,5 @@ def _common(
     pass
 
 
-for _command in (fit.fit, export.export, bench.bench):
+for _command in (fit.fit, beam.beam, export.export, simplify.simplify, bench.bench):
     app.command()(_command)

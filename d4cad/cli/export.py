@@ -14,7 +14,12 @@ from d4cad.errors import D4cadError
 
 def export(
     program: Annotated[
-        Path, typer.Argument(metavar="PROGRAM", help="A program file that `d4cad fit` wrote.", show_default=False)
+        Path,
+        typer.Argument(
+            metavar="PROGRAM",
+            help="A program file that `d4cad fit` wrote, or a .dxf or .svg drawing.",
+            show_default=False,
+        ),
     ],
     output: Output = None,
     width: Width = None,
@@ -25,7 +30,7 @@ def export(
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
-    """Write CAD files from a program file. Size, origin and thickness are the file's unless given."""
+    """Write CAD files from a program file or drawing. Size, origin and thickness are the file's unless given."""
     with reported():
         from d4cad.placement import Placement
 

@@ -25,7 +25,10 @@ Dpi = Annotated[
 ]
 Thickness = Annotated[float | None, typer.Option(metavar="MM", help="Thickness of solids in mm.", show_default="3")]
 Origin = Annotated[
-    str | None, typer.Option(metavar="WHERE", help="corner or center of the part at (0, 0).", show_default="corner")
+    str | None,
+    typer.Option(
+        metavar="WHERE", help="corner or center of the part at (0, 0), or as in the drawing.", show_default="corner"
+    ),
 ]
 Grammar = Annotated[str, typer.Option(metavar="NAME", help="Language of shapes: arc-line.")]
 Method = Annotated[str, typer.Option(metavar="NAME", help="fast, or paper for the published settings.")]

@@ -31,14 +31,16 @@ def read(
 ) -> Drawing:
     """The closed outlines of a DXF or SVG drawing as a sketch in mm, and what the user should know about them.
 
-    Lines and circular arcs stay exact; splines and ellipses become arcs within ``tolerance`` mm. Loose strokes are joined
-    where their ends are at most ``gap`` mm apart. ``layers``: of a DXF drawing, those to read; all visible ones if empty.
-    Raises InputError for a file that is not such a drawing, GeometryError for outlines that bound no region.
+    Lines and circular arcs stay exact; splines and ellipses become arcs within ``tolerance`` mm. Loose strokes are
+    joined where their ends are at most ``gap`` mm apart. ``layers``: of a DXF drawing, those to read; all visible ones
+    if empty. Raises InputError for a file that is not such a drawing, GeometryError for outlines that bound no region.
     """
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
     if reader is None:
-        raise InputError(f"cannot read {path}: known drawings are {' '.join(READERS)}, got {path.suffix or 'no extension'}")
+        raise InputError(
+            f"cannot read {path}: known drawings are {' '.join(READERS)}, got {path.suffix or 'no extension'}"
+        )
     for name, value in (("tolerance", tolerance), ("gap", gap)):
         if not (isfinite(value) and value > 0):
             raise InputError(f"the {name} must be a positive number in mm, got {value:g}")

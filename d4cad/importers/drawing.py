@@ -22,10 +22,14 @@ LARGEST = 1e8
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """What was read. sketch: the outlines in mm, y up, in the drawing's own place. notes: a sentence each on what was
-    assumed, mended or left out."""
+    """What was read.
+
+    sketch: the outlines in mm, y up, in the drawing's own place. segments: number of lines, arcs and pieces of other
+    curves that the file draws them with. notes: a sentence each on what was assumed, mended or left out.
+    """
 
     sketch: Sketch
+    segments: int
     notes: tuple[str, ...] = ()
 
 
@@ -35,11 +39,13 @@ class Outlines(NamedTuple):
     loops: tuple[Loop, ...]
 
 
-def assembled(shapes: Sequence[Outlines], strokes: Sequence[Stroke], gap: float, notes: Sequence[str]) -> Drawing:
+def assembled(
+    shapes: Sequence[Outlines], strokes: Sequence[Stroke], gap: float, segments: int, notes: Sequence[str]
+) -> Drawing:
     """A drawing of closed shapes and loose strokes.
 
-    Strokes are chained to loops (:func:`d4cad.importers.strokes.chained`). A loop drawn twice within ``gap`` counts once.
-    Shapes that overlap are united; then every second loop from outside in bounds a hole.
+    Strokes are chained to loops (:func:`d4cad.importers.strokes.chained`). A loop drawn twice within ``gap`` counts
+    once. Shapes that overlap are united; then every second loop from outside in bounds a hole.
     """
     _refuse_far(shapes, strokes)
     loops, found = chained(strokes, gap)
@@ -49,7 +55,7 @@ def assembled(shapes: Sequence[Outlines], strokes: Sequence[Stroke], gap: float,
         found = (*found, f"{twice} outline{'s' if twice > 1 else ''} drawn twice counted once")
     if not any(shape.loops for shape in every):
         raise GeometryError("there is no closed outline in it")
-    return Drawing(Sketch.from_loops(_united(every), "mm"), (*notes, *found))
+    return Drawing(Sketch.from_loops(_united(every), "mm"), segments, (*notes, *found))
 
 
 def _refuse_far(shapes: Sequence[Outlines], strokes: Sequence[Stroke]) -> None:
@@ -112,7 +118,8 @@ def _union(sketches: Sequence[Sketch]) -> Sketch:
 
 
 def nonzero(loops: Sequence[Loop]) -> tuple[Loop, ...]:
-    """The loops that bound the region of non-zero winding, SVG's default fill rule: those with the same on both sides go."""
+    """The loops that bound the region of non-zero winding, SVG's default fill rule: those with the same on both
+    sides go."""
     if not loops:
         return ()
     z = np.array([complex(*loop.points[0]) for loop in loops])

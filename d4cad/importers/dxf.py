@@ -25,12 +25,22 @@ MOST = 200_000
 """Strokes of a drawing; a few lines of blocks within blocks can ask for billions."""
 
 SMALLEST = 1e-7
-"""Least distance between curve and chord as a share of the curve's size: what is far larger than a part stays few points."""
+"""Least distance between curve and chord as a share of the curve's size: what is far larger than a part stays few
+points."""
 
 FLAT = 1e-9
 """Largest slope of an entity's plane, and relative difference of the axes of an ellipse that is a circle."""
 
-DAMAGED = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, AssertionError, RecursionError, EOFError)
+DAMAGED = (
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    ArithmeticError,
+    AssertionError,
+    RecursionError,
+    EOFError,
+)
 """What ezdxf raises, besides its own errors, on files that are damaged."""
 
 
@@ -53,7 +63,7 @@ def read_dxf(data: bytes, tolerance: float, gap: float, layers: Sequence[str]) -
         raise
     except (DXFError, *DAMAGED) as error:
         raise InputError(f"its DXF is damaged ({_reason(error)})") from None
-    return assembled((), reader.strokes, gap, reader.notes)
+    return assembled((), reader.strokes, gap, reader.segments, reader.notes)
 
 
 def _document(data: bytes) -> Document:
@@ -110,6 +120,7 @@ class _Reader:
     tolerance: float
     layers: set[str]
     strokes: list[Stroke] = field(default_factory=list)
+    segments: int = 0
     left_out: Counter[str] = field(default_factory=Counter)
 
     @property
@@ -146,7 +157,9 @@ class _Reader:
         elif abs(_normal(entity)[0]) > FLAT or abs(_normal(entity)[1]) > FLAT:
             self.left_out[f"{kind} out of the plane"] += 1
         else:
-            self.strokes += [Stroke(s.points * self.unit, s.bulges) for s in read(entity, self.tolerance / self.unit)]
+            found = [Stroke(s.points * self.unit, s.bulges) for s in read(entity, self.tolerance / self.unit)]
+            self.strokes += found
+            self.segments += _pieces(entity) if kind in ("SPLINE", "ELLIPSE") else sum(s.bulges.size for s in found)
         if len(self.strokes) > MOST:
             raise InputError(f"it has more than {MOST} strokes")
 
@@ -158,6 +171,11 @@ class _Reader:
         for single in insert.multi_insert() if insert.mcount > 1 else (insert,):
             for entity in single.virtual_entities():
                 self.take(entity, layer if entity.dxf.layer == "0" else entity.dxf.layer, depth + 1)
+
+
+def _pieces(curve: Any) -> int:
+    """Number of polynomial pieces of a spline; 1 of an ellipse."""
+    return max(len(set(curve.construction_tool().knots())) - 1, 1) if curve.dxftype() == "SPLINE" else 1
 
 
 def _normal(entity: Any) -> tuple[float, float, float]:

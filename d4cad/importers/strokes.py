@@ -79,11 +79,13 @@ def plane(z: Complexes) -> Floats:
 def chained(strokes: Sequence[Stroke], gap: float) -> tuple[list[Loop], tuple[str, ...]]:
     """The closed loops that strokes make, their ends joined where at most ``gap`` apart, and notes.
 
-    Strokes drawn twice count once; those no longer than ``gap`` are left out. Raises GeometryError, saying where, for an
-    end without a partner and for a place where more than two strokes meet.
+    Strokes drawn twice count once; those no longer than ``gap`` are left out. Raises GeometryError, saying where, for
+    an end without a partner and for a place where more than two strokes meet.
     """
     strokes = [stroke for stroke in strokes if stroke.bulges.size and _size(stroke) > gap]
-    loops = [stroke.loop for stroke in strokes if stroke.bulges.size > 1 and abs(stroke.points[0] - stroke.points[-1]) <= gap]
+    loops = [
+        stroke.loop for stroke in strokes if stroke.bulges.size > 1 and abs(stroke.points[0] - stroke.points[-1]) <= gap
+    ]
     rest = [s for s in strokes if not (s.bulges.size > 1 and abs(s.points[0] - s.points[-1]) <= gap)]
     if not rest:
         return loops, ()
@@ -108,7 +110,9 @@ def chained(strokes: Sequence[Stroke], gap: float) -> tuple[list[Loop], tuple[st
 
 
 def _size(stroke: Stroke) -> float:
-    return float(np.abs(points_along(stroke.edges.take((slice(None), None)), np.arange(5) / 4) - stroke.points[0]).max())
+    return float(
+        np.abs(points_along(stroke.edges.take((slice(None), None)), np.arange(5) / 4) - stroke.points[0]).max()
+    )
 
 
 def _nodes(ends: Complexes, gap: float) -> Indices:
@@ -156,7 +160,7 @@ def _refuse_ends(strokes: Sequence[Stroke], node: Indices, gap: float) -> None:
         other = single[1:][np.argmin(apart)]
         raise GeometryError(
             f"its outline is open at ({single[0].real:g}, {single[0].imag:g}): the nearest other open end, at "
-            f"({other.real:g}, {other.imag:g}), is {apart.min():.3g} mm away, and ends up to {gap:g} mm apart are joined"
+            f"({other.real:g}, {other.imag:g}), is {apart.min():.3g} mm away; ends up to {gap:g} mm apart are joined"
         )
 
 

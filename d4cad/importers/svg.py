@@ -47,7 +47,7 @@ def read_svg(data: bytes, tolerance: float, gap: float, layers: Sequence[str]) -
     height = float(page.height) if page.values.get("height") or page.viewbox else 0.0
     shapes: list[_Shape] = []
     strokes: list[Stroke] = []
-    notes = []
+    segments, notes = 0, []
     if not re.search(r"[a-z]", str(page.values.get("width") or "")):
         notes.append(f"the drawing states no unit: {DPI:g} pixels per inch assumed")
     skipped: dict[str, int] = {}
@@ -58,6 +58,7 @@ def read_svg(data: bytes, tolerance: float, gap: float, layers: Sequence[str]) -
         if not _is_shape(element):
             continue
         shape, loose = _read(element, tolerance / unit)
+        segments += shape.segments
         shapes.append(_placed(shape, unit, height))
         strokes += [_up(stroke, unit, height) for stroke in loose]
     if skipped:
@@ -65,14 +66,16 @@ def read_svg(data: bytes, tolerance: float, gap: float, layers: Sequence[str]) -
     kept = _without_ground(shapes)
     if len(kept) < len(shapes):
         notes.append("white background left out")
-    return assembled([Outlines(shape.loops) for shape in kept if shape.loops], strokes, gap, notes)
+    return assembled([Outlines(shape.loops) for shape in kept if shape.loops], strokes, gap, segments, notes)
 
 
 class _Shape(NamedTuple):
-    """The loops of one element. white: whether it is filled white and not stroked."""
+    """The loops of one element. white: whether it is filled white and not stroked. segments: how many it is drawn
+    with."""
 
     loops: tuple[Loop, ...]
     white: bool
+    segments: int
 
 
 def _parsed(data: bytes) -> Any:
@@ -125,9 +128,10 @@ def _read(element: Any, tolerance: float) -> tuple[_Shape, list[Stroke]]:
         raise InputError("its path data holds what is neither a command nor a number")
     path = svgelements.Path(element)
     filled = _filled(element)
-    loops, loose = [], []
-    for segments in _subpaths(path):
-        stroke = _stroke(segments, filled, tolerance)
+    loops, loose, segments = [], [], 0
+    for subpath in _subpaths(path):
+        segments += sum(segment.start != segment.end for segment in subpath)
+        stroke = _stroke(subpath, filled, tolerance)
         if stroke is None:
             continue
         if stroke.points[0] == stroke.points[-1]:
@@ -139,7 +143,7 @@ def _read(element: Any, tolerance: float) -> tuple[_Shape, list[Stroke]]:
         loops = list(nonzero(loops))
     white = filled and element.fill.value is not None and (element.fill.value >> 8) == WHITE
     stroked = element.stroke is not None and element.stroke.value is not None
-    return _Shape(tuple(loops), white and not stroked), loose
+    return _Shape(tuple(loops), white and not stroked, segments), loose
 
 
 def _tidy(loop: Loop) -> Loop:
@@ -167,7 +171,8 @@ def _subpaths(path: Any) -> Iterator[list[Any]]:
 
 
 class _Part(NamedTuple):
-    """One segment: its ends if it is a line or an arc with a bulge, points on it if it is another curve (bulge None)."""
+    """One segment: its ends if it is a line or an arc with a bulge, points on it if it is another curve (bulge
+    None)."""
 
     points: Complexes
     bulge: float | None
@@ -297,7 +302,7 @@ def _placed(shape: _Shape, unit: float, height: float) -> _Shape:
         Loop(tuple((x * unit, (height - y) * unit) for x, y in loop.points), tuple(0.0 - b for b in loop.bulges))
         for loop in shape.loops
     )
-    return _Shape(loops, shape.white)
+    return shape._replace(loops=loops)
 
 
 def _without_ground(shapes: Sequence[_Shape]) -> list[_Shape]:

@@ -8,11 +8,12 @@ two here.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cache, cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from d4cad.errors import InputError
 from d4cad.program import Floats
@@ -92,12 +93,21 @@ class Response:
     compliance: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+class Assembly(NamedTuple):
+    """How stiffnesses become a matrix. map: sparse, from the elements' stiffnesses to the lower band, flat. kept:
+    (dofs * band,) bool, what the supports leave of the band.
+    """
+
+    map: Any
+    kept: Bools
+
+
+@dataclass(frozen=True, eq=False)
 class PlaneStress:
     """A grid that is held and loaded: everything that does not depend on the stiffnesses.
 
-    fixed: (dofs,) bool. loads: (dofs, cases). stiffness: (8, 8) of an element. map: sparse, from stiffnesses to the lower
-    band, flat. kept: (dofs * band,) bool, what the supports leave of the band.
+    fixed: (dofs,) bool. loads: (dofs, cases), zero where it is fixed. stiffness: (8, 8) of an element. dofs: (elements,
+    8), as of the grid.
     """
 
     grid: Grid
@@ -105,53 +115,79 @@ class PlaneStress:
     loads: Floats
     stiffness: Floats
     dofs: Ints
-    map: Any
-    kept: Bools
 
     @classmethod
     def of(cls, grid: Grid, fixed: Bools, loads: Floats, nu: float = 0.3) -> PlaneStress:
-        """Raises InputError for supports that let the part move as a whole, for no load, or for a wrong nu."""
-        from scipy.sparse import csr_array
-
+        """Raises InputError for supports that let the part move as a whole, for no load that can move it, or for a
+        wrong nu.
+        """
         if loads.ndim != 2 or not loads.any():
             raise InputError("there is no load")
-        _require_held(grid, fixed)
-        stiffness, dofs = element_stiffness(nu), grid.dofs
+        stiffness = element_stiffness(nu)
+        if not holds(grid, fixed):
+            raise InputError("the supports let the part move as a whole: hold it in x, in y and against turning")
+        free = np.where(fixed[:, None], 0.0, loads)
+        if not free.any():
+            raise InputError("every load acts on a support in a direction that it holds, so that nothing is deformed")
+        return cls(grid, fixed, free, stiffness, grid.dofs)
+
+    @cached_property
+    def assembly(self) -> Assembly:
+        """The banded matrix's map. Made when first used: on fine grids the band takes much memory."""
+        from scipy.sparse import csr_array
+
+        size, dofs = self.grid.size, self.dofs
         band = int((dofs.max(axis=1) - dofs.min(axis=1)).max()) + 1
         row, col = np.repeat(dofs, 8, axis=1).ravel(), np.tile(dofs, (1, 8)).ravel()
-        value, element = np.tile(stiffness.ravel(), len(dofs)), np.repeat(np.arange(len(dofs)), 64)
+        value, element = np.tile(self.stiffness.ravel(), len(dofs)), np.repeat(np.arange(len(dofs)), 64)
         low = row >= col
         flat = (col * band + row - col)[low]
-        assembly = csr_array((value[low], (flat, element[low])), shape=(grid.size * band, len(dofs)))
-        partner = np.arange(grid.size)[:, None] + np.arange(band)[None, :]
-        lost = fixed[:, None] | fixed[np.minimum(partner, grid.size - 1)] | (partner >= grid.size)
-        return cls(grid, fixed, np.where(fixed[:, None], 0.0, loads), stiffness, dofs, assembly, ~lost.ravel())
+        assembly = csr_array((value[low], (flat, element[low])), shape=(size * band, len(dofs)))
+        partner = np.arange(size)[:, None] + np.arange(band)[None, :]
+        lost = self.fixed[:, None] | self.fixed[np.minimum(partner, size - 1)] | (partner >= size)
+        return Assembly(assembly, ~lost.ravel())
 
     def solve(self, young: Floats) -> Response:
         """The response to stiffnesses (height, width), all positive. Raises InputError where they carry nothing."""
         from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
-        matrix = (self.map @ young.ravel()) * self.kept
+        matrix = (self.assembly.map @ young.ravel()) * self.assembly.kept
         matrix = matrix.reshape(self.grid.size, -1)
         matrix[self.fixed, 0] = 1.0
-        with threadpool_limits(limits=1):
+        with one_thread():
             try:
                 factor = cholesky_banded(matrix.T, lower=True, overwrite_ab=True, check_finite=False)
             except LinAlgError:
                 raise InputError("the part is a mechanism: its stiffness matrix is singular") from None
             u = cho_solve_banded((factor, True), self.loads, check_finite=False)
-        parts = u[self.dofs]  # (elements, 8, cases)
-        energy = np.einsum("eik,ij,ejk->e", parts, self.stiffness, parts, optimize=True)
-        shape = (self.grid.height, self.grid.width)
-        return Response(u, energy.reshape(shape), float(np.sum(self.loads * u)))
+        return self.response(u, float(np.sum(self.loads * u)))
+
+    def response(self, displacement: Floats, compliance: float) -> Response:
+        """Displacements (dofs, cases) with the energies that go with them."""
+        parts = displacement[self.dofs]  # (elements, 8, cases)
+        parts = parts.transpose(0, 2, 1)
+        energy = np.sum((parts @ self.stiffness) * parts, axis=(1, 2))
+        return Response(displacement, energy.reshape(self.grid.height, self.grid.width), compliance)
 
 
-def _require_held(grid: Grid, fixed: Bools) -> None:
-    """Raises InputError unless the supports stop both translations and the rotation."""
+def one_thread() -> Any:
+    """A context in which BLAS uses one thread."""
+    return _libraries().limit(limits=1)
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """Found once: looking for them takes as long as solving a small grid."""
+    import scipy.linalg  # noqa: F401  its BLAS must be loaded to be found
+
+    return ThreadpoolController()
+
+
+def holds(grid: Grid, fixed: Bools) -> bool:
+    """Whether fixed degrees of freedom (dofs,) stop both translations and the rotation of one rigid piece."""
     i, j = np.meshgrid(np.arange(grid.width + 1.0), np.arange(grid.height + 1.0), indexing="ij")
     modes = np.zeros((grid.size, 3))
     n = grid.nodes.ravel()
     modes[2 * n, 0], modes[2 * n + 1, 1] = 1.0, 1.0
     modes[2 * n, 2], modes[2 * n + 1, 2] = -j.ravel() / grid.height, i.ravel() / grid.width
-    if np.linalg.matrix_rank(modes[fixed], tol=1e-9) < 3 if fixed.any() else True:
-        raise InputError("the supports let the part move as a whole: hold it in x, in y and against turning")
+    return bool(fixed.any() and np.linalg.matrix_rank(modes[fixed], tol=1e-9) == 3)

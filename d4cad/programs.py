@@ -1,0 +1,150 @@
+"""Programs that exist already: in program files, and drawings as programs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from math import ceil, log2
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from d4cad import importers, io
+from d4cad.canvas import SPAN, Canvas
+from d4cad.descent import Record, Stop
+from d4cad.errors import D4cadError, InputError
+from d4cad.fit import Fit, decibels, joined_outline
+from d4cad.grammars.arc_line import ArcLine
+from d4cad.grammars.arc_line.structure import Structure
+from d4cad.importers import Drawing
+from d4cad.placement import Placement
+from d4cad.program import Floats, Program
+from d4cad.registry import entry
+from d4cad.sketch import Sketch
+
+FILL = 0.9
+"""Largest share of a canvas that a drawing's longer side takes."""
+
+SIDE = 1024
+"""Pixels along the canvas of a drawing."""
+
+
+def load(path: str | PathLike[str]) -> Fit:
+    """The fit that a program file holds, its target excepted, or the program of a .dxf or .svg drawing.
+
+    Raises InputError or GeometryError, which name the file.
+    """
+    path = Path(path)
+    if path.suffix.lower() in importers.EXTENSIONS:
+        return from_drawing(importers.read(path), path.name)
+    file = io.read(path)
+    try:
+        return _decoded(file)
+    except D4cadError as error:
+        raise InputError(f"{path} is not a usable program file: {error}") from None
+
+
+def from_drawing(drawing: Drawing, name: str) -> Fit:
+    """A drawing as an Arc-Line program that places itself where it was drawn.
+
+    name: what reports call it. The drawing is its own target, so that nothing is left to fit. The canvas is as large
+    as a power of two times the world, by which coordinates scale without rounding.
+    """
+    sketch = drawing.sketch
+    if sketch.unit != "mm":
+        raise InputError(f"expected a drawing in mm, got {sketch.unit}")
+    xmin, ymin, xmax, ymax = sketch.bounds
+    x, y = (xmin + xmax) / 2, (ymin + ymax) / 2
+    scale = 2.0 ** ceil(log2(max(xmax - xmin, ymax - ymin) / (FILL * SPAN)))
+    canvas = Canvas.square(SIDE)
+    world = sketch.translated(-x, -y).scaled(1 / scale, "world")
+    return Fit(
+        program=program_of(world),
+        canvas=canvas,
+        grammar=ArcLine(canvas.pixel),
+        psnr=decibels(0.0),
+        outline=world,
+        history=(),
+        stop=Stop.STALLED,
+        seconds=0.0,
+        wall=0.0,
+        settings={"drawing": name, "notes": list(drawing.notes)},
+        made=Placement(scale=scale * canvas.pixel, origin="drawing", zero=(-x / scale, -y / scale)),
+    )
+
+
+def program_of(sketch: Sketch) -> Program[Structure]:
+    """A sketch in world units as an Arc-Line program with the same loops."""
+    loops = sketch.loops
+    bulges = np.array([b for loop in loops for b in loop.bulges])
+    points = np.array([p for loop in loops for p in loop.points])
+    structure = Structure(tuple(len(loop.points) for loop in loops), tuple((bulges != 0).tolist()))
+    return Program(structure, np.concatenate([points.ravel(), bulges[bulges != 0]]))
+
+
+def moved_onto(start: Fit, target: Floats, canvas: Canvas) -> Program[Structure]:
+    """A drawing's program scaled and moved so that its bounding box is that of the shape in a picture.
+
+    target: (height, width) coverage on ``canvas``, row 0 lowest. Raises InputError for a target without a shape.
+    """
+    rows, columns = np.flatnonzero((target > 0.5).any(axis=1)), np.flatnonzero((target > 0.5).any(axis=0))
+    if rows.size == 0:
+        raise InputError("the picture shows no shape to put the drawing onto")
+    low, high = canvas.to_world(np.array([[columns[0], rows[0]], [columns[-1] + 1.0, rows[-1] + 1.0]]))
+    box = np.array(start.outline.bounds).reshape(2, 2)
+    factor = float(np.sqrt(np.prod((high - low) / (box[1] - box[0]))))
+    shift = (low + high) / 2 - factor * (box[0] + box[1]) / 2
+    return program_of(start.outline.scaled(factor, "world").translated(float(shift[0]), float(shift[1])))
+
+
+def _decoded(file: io.ProgramFile) -> Fit:
+    found = entry(file.grammar)
+    grammar = found.fast(file.canvas)
+    structure = grammar.decode(file.structure)
+    if len(file.params) != found.size(structure):
+        raise InputError(f"its structure has {found.size(structure)} parameters, but its params are {len(file.params)}")
+    if file.stop.upper() not in Stop.__members__:
+        raise InputError(f"its stop is {file.stop!r}, expected one of {', '.join(Stop.__members__).lower()}")
+    program = Program(structure, np.array(file.params))
+    if "drawing" in file.settings:  # it was drawn so: nothing is off that joining could mend
+        outline = grammar.outline(program)
+    else:
+        outline = joined_outline(grammar, program, file.canvas, 10 ** (-file.psnr / 10))
+    return Fit(
+        program=program,
+        canvas=file.canvas,
+        grammar=grammar,
+        psnr=file.psnr,
+        outline=outline,
+        history=tuple(Record(**record) for record in file.history),  # type: ignore[arg-type]
+        stop=Stop[file.stop.upper()],
+        seconds=_seconds(file.extra, "cpu_s"),
+        wall=_seconds(file.extra, "wall_s"),
+        settings={key: value for key, value in file.settings.items() if key != "placement"},
+        made=_placement(file.settings.get("placement", {})),
+    )
+
+
+def _seconds(extra: Mapping[str, Any], key: str) -> float:
+    value = extra.get(key, 0.0)
+    return float(value) if isinstance(value, (int, float)) else 0.0
+
+
+def _placement(value: object) -> Placement:
+    known = {f.name for f in fields(Placement)}
+    if not isinstance(value, dict) or not set(value) <= known:
+        raise InputError(f"its placement is not an object with some of {', '.join(sorted(known))}")
+    for key, x in value.items():
+        if key == "zero":
+            if not (isinstance(x, list) and len(x) == 2 and all(_is_number(part) for part in x)):
+                raise InputError(f"its placement has a wrong zero: {x!r}")
+        elif not (isinstance(x, str) if key == "origin" else _is_number(x)):
+            raise InputError(f"its placement has a wrong {key}: {x!r}")
+    given: dict[str, Any] = {key: tuple(x) if key == "zero" else x for key, x in value.items()}
+    return Placement(**given)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
