@@ -8,7 +8,8 @@ from typing import Any, Protocol, TypeVar
 
 from d4cad.canvas import Canvas
 from d4cad.program import Program, Rewrite
-from d4cad.protocols import Grammar, Loss, Stepper, Trial
+from d4cad.protocols import Estimator, Grammar, Loss, Stepper, Trial
+from d4cad.raster.band import Band
 
 S = TypeVar("S")
 
@@ -71,3 +72,68 @@ class LocalFit:
         """Trials of the rewrites that pay, the fitted values in the rewrite."""
         trials: list[Trial] = grammar.local_trials(program, rewrites, loss, canvas, price, self.steps)
         return trials
+
+
+@dataclass(frozen=True, slots=True)
+class Frozen:
+    """For a loss that changes with every evaluation: proposals are compared on the one that the round began with."""
+
+    inner: Estimator
+
+    def estimate(
+        self, program: Program[S], rewrites: Sequence[Rewrite], grammar: Grammar[S], loss: Any, canvas: Canvas,
+        price: float,
+    ) -> list[Trial]:  # fmt: skip
+        """The inner estimator's trials."""
+        return self.inner.estimate(program, rewrites, grammar, loss.frozen(), canvas, price)
+
+
+class CostlyLoss(Loss, Protocol):
+    """A loss that knows cheap stand-ins for itself."""
+
+    @property
+    def coarse(self) -> Loss:
+        """The same loss at a lower resolution, on its own canvas."""
+        ...
+
+    @property
+    def coarse_canvas(self) -> Canvas:
+        """The canvas of ``coarse``."""
+        ...
+
+    def likeness(self, band: Band) -> Loss:
+        """A squared error whose minimum is this raster."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Funnel:
+    """For a loss that costs much: every rewrite at a lower resolution, the best few for real.
+
+    A rewrite that simplifies is first fitted to the raster that the program has, which costs no evaluation of the loss.
+    The ``finalists`` best by the coarse loss take ``steps`` steps, and so does the base.
+    """
+
+    stepper: Stepper[Any]
+    finalists: int = 8
+    steps: int = 1
+    tries: int = 4
+
+    def estimate(
+        self, program: Program[S], rewrites: Sequence[Rewrite], grammar: Any, loss: Any, canvas: Canvas, price: float
+    ) -> list[Trial]:
+        """Trials of the finalists."""
+        fewer = [r for r in rewrites if grammar.growth(program, r) < 0]
+        others = [r for r in rewrites if grammar.growth(program, r) >= 0]
+        likeness = loss.likeness(grammar.rasterize(program, canvas))
+        # at a price so high that each of them pays
+        fitted = grammar.local_trials(program, fewer, likeness, canvas, 1.0, self.tries)
+        candidates = [trial.rewrite for trial in fitted] + others
+
+        def rough(rewrite: Rewrite) -> float:
+            there = grammar.apply(program, [rewrite]).program
+            value: float = loss.coarse.value(grammar.rasterize(there, loss.coarse_canvas))
+            return float(value + price * grammar.complexity(there))
+
+        best = sorted(candidates, key=rough)[: self.finalists]
+        return Stepped(self.stepper, self.steps).estimate(program, best, grammar, loss, canvas, price)

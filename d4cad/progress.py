@@ -14,6 +14,8 @@ from rich.text import Text
 if TYPE_CHECKING:
     from d4cad.descent import Record
 
+Quality = Callable[["Record"], str]
+
 PATIENCE = 5.0
 """Seconds without a record after which a new user wants to know what takes so long."""
 
@@ -23,9 +25,10 @@ class _State(ProgressColumn):
 
     max_refresh = None
 
-    def __init__(self, max_time: float | None) -> None:
+    def __init__(self, max_time: float | None, quality: Quality) -> None:
         super().__init__()
         self.max_time = max_time
+        self.quality = quality
         self.began = time.perf_counter()
         self.record: Record | None = None
 
@@ -36,17 +39,21 @@ class _State(ProgressColumn):
 
     def render(self, task: Task) -> Text:
         """One line of text."""
-        return Text(line(self.record, time.perf_counter() - self.began, self.max_time))
+        return Text(line(self.record, time.perf_counter() - self.began, self.max_time, self.quality))
 
 
-def line(record: Record | None, elapsed: float, max_time: float | None) -> str:
-    """Step, loss, PSNR and primitives of the last record, seconds so far, and seconds left if there is a limit."""
+def likeness(record: Record) -> str:
+    """How well a picture is met."""
+    return f"loss {record.loss:.3g} · {record.psnr:.1f} dB"
+
+
+def line(record: Record | None, elapsed: float, max_time: float | None, quality: Quality = likeness) -> str:
+    """Step, quality and primitives of the last record, seconds so far, and seconds left if there is a limit."""
     if record is None:
         return "starting" if elapsed < PATIENCE else "starting: the first run compiles, which takes a while"
     parts = [
         f"step {record.step}",
-        f"loss {record.loss:.3g}",
-        f"{record.psnr:.1f} dB",
+        quality(record),
         f"{record.primitives} primitives",
         f"{elapsed:.1f} s",
     ]
@@ -56,9 +63,12 @@ def line(record: Record | None, elapsed: float, max_time: float | None) -> str:
 
 
 @contextmanager
-def live(max_time: float | None) -> Iterator[Callable[[Record], None]]:
-    """Shows a line while the block runs, and takes it away afterwards; yields what updates it."""
-    state = _State(max_time)
+def live(max_time: float | None, quality: Quality = likeness) -> Iterator[Callable[[Record], None]]:
+    """Shows a line while the block runs, and takes it away afterwards; yields what updates it.
+
+    quality: words for how good a record is.
+    """
+    state = _State(max_time, quality)
     with Progress(SpinnerColumn(), state, console=Console(stderr=True), transient=True) as progress:
         progress.add_task("fit", total=None)
         yield state.watch

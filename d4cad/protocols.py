@@ -21,16 +21,29 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Constraint:
+    """An equation that the program must fulfil.
+
+    residual: what must become zero. gradient: (n,) its derivative by the parameters.
+    """
+
+    residual: float
+    gradient: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Evaluation:
     """A loss at a program.
 
     value: the loss. gradient: (n,) its derivative by the parameters. curvature: (n, n) Gauss-Newton approximation of
-    its second derivative where the loss is a sum of squares, else None.
+    its second derivative where the loss is a sum of squares; for a constrained loss the metric in which steps are
+    measured; else None. constraint: what holds besides; the gradient is then that of the loss without it.
     """
 
     value: float
     gradient: Floats
     curvature: Floats | Curvature | None = None
+    constraint: Constraint | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -140,7 +140,7 @@ def to_json(relations: Iterable[Relation], dimensions: Iterable[Dimension]) -> d
             {
                 "kind": r.kind,
                 "refs": [list(ref) for ref in r.refs],
-                **({} if r.value is None else {"value": _written(r.value)}),
+                **({} if r.value is None else {"value": _written(r)}),
             }
             for r in relations
         ],
@@ -149,7 +149,7 @@ def to_json(relations: Iterable[Relation], dimensions: Iterable[Dimension]) -> d
                 "name": d.name,
                 "kind": d.kind,
                 "refs": [list(ref) for ref in d.refs],
-                "value": _written(d.value),
+                "value": _written(d),
                 "round": d.round,
             }
             for d in dimensions
@@ -157,9 +157,10 @@ def to_json(relations: Iterable[Relation], dimensions: Iterable[Dimension]) -> d
     }
 
 
-def _written(value: float) -> float:
-    """Twelve digits: those that survive the way from mm to world units and back."""
-    return float(f"{value:.12g}")
+def _written(fact: Relation | Dimension) -> float:
+    """Of a length twelve digits: those that survive the way from mm to world units and back."""
+    value = fact.value or 0.0
+    return float(f"{value:.12g}") if fact.scaled(2.0).value != value else value
 
 
 def from_json(value: object, edges: list[int]) -> tuple[tuple[Relation, ...], tuple[Dimension, ...]]:

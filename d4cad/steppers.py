@@ -239,3 +239,85 @@ class LevenbergMarquardt:
     def settled(self, state: Trust) -> bool:
         """Whether the last step gained nearly nothing."""
         return state.done
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flow:
+    """State of a constrained descent: the step's length in the metric, the best point and its evaluation."""
+
+    length: float
+    params: Floats | None = None
+    evaluation: Evaluation | None = None
+    done: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class NullSpace:
+    """Descent along a constraint: Feppon, Allaire and Dapogny, "Null space gradient flows" (2020), in a metric M.
+
+    With g and h the gradients of loss and constraint, the step is -a M^-1 (g - l h), l such that it keeps the
+    constraint to first order, plus the shortest step that restores it, -c M^-1 h / (h' M^-1 h). ``length``: of the
+    first step and ``reach`` of the longest, in the root of the metric's square; ``restore``: of the longest restoring
+    one. A step that raised the loss is taken back and tried at a third of its length; one that lowered it lets the
+    next be longer by ``growth``. ``tolerance``: relative decrease under which the program is settled.
+    """
+
+    length: float = 3.0
+    reach: float = 30.0
+    restore: float = 30.0
+    growth: float = 1.5
+    least: float = 0.01
+    tolerance: float = 1e-5
+    damping: float = 1e-3
+
+    def init(self, program: Program[Any]) -> Flow:
+        """No step taken yet."""
+        return Flow(self.length)
+
+    def carry(self, state: Flow, edit: Edit[Any]) -> Flow:
+        """An edited program has no evaluated point yet; the length persists."""
+        return Flow(max(state.length, self.length))
+
+    def step(self, program: Program[Any], evaluation: Evaluation, state: Flow) -> tuple[Floats, Flow]:
+        """From the better of the present and the best point, one step."""
+        at, here, length, done = program.params, evaluation, state.length, False
+        if state.evaluation is not None and state.params is not None:
+            gain = state.evaluation.value - evaluation.value
+            if gain > 0:
+                length = min(length * self.growth, self.reach)
+                done = gain <= self.tolerance * evaluation.value
+            else:
+                at, here, length = state.params, state.evaluation, length / 3
+                done = length < self.least
+        return at + self._direction(here, length), Flow(length, at, here, done)
+
+    def _direction(self, here: Evaluation, length: float) -> Floats:
+        if here.curvature is None or here.constraint is None:
+            raise ValueError("a null space step needs a metric and a constraint")
+        metric = np.array(here.curvature)
+        diagonal = np.diagonal(metric).copy()
+        np.fill_diagonal(metric, diagonal * (1 + self.damping) + 0.01 * diagonal.mean())
+        h = here.constraint.gradient
+        _, both, failed = dposv(metric, np.stack([here.gradient, h], axis=1))
+        if failed:
+            raise ValueError("the metric of a null space step is not positive definite")
+        down, across = both.T
+        grip = float(h @ across)
+        along = -(down - across * (float(h @ down) / grip)) if grip > 0 else -down
+        size = sqrt(max(float(along @ metric @ along), 0.0))
+        move = along * (length / size) if size > 0 else np.zeros_like(along)
+        if grip > 0:
+            back = -here.constraint.residual / grip * across
+            size = sqrt(max(float(back @ metric @ back), 0.0))
+            move = move + back * min(1.0, self.restore / max(size, 1e-300))
+        return np.asarray(move)
+
+    def best(self, params: Floats, value: float, state: Flow) -> tuple[Floats, float]:
+        """The better of the last and the best point."""
+        if state.params is None or state.evaluation is None or value < state.evaluation.value:
+            return params, value
+        return state.params, state.evaluation.value
+
+    def settled(self, state: Flow) -> bool:
+        """Whether the last steps gained nearly nothing."""
+        return state.done

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -106,14 +106,17 @@ def report(
 
 
 @contextmanager
-def progress(max_time: float | None, *, shown: bool) -> Iterator[Any]:
-    """A function that shows each record of a running fit on the terminal; None where nobody looks on."""
+def progress(max_time: float | None, *, shown: bool, quality: Callable[[Any], str] | None = None) -> Iterator[Any]:
+    """A function that shows each record of a running fit on the terminal; None where nobody looks on.
+
+    quality: words for how good a record is; a picture's by default.
+    """
     import sys
 
     if not (shown and sys.stderr.isatty()):
         yield None
         return
-    from d4cad.progress import live
+    from d4cad.progress import likeness, live
 
-    with live(max_time) as watch:
+    with live(max_time, quality or likeness) as watch:
         yield watch

@@ -163,7 +163,8 @@ class ArcLine:
         found = []
         for rule, site, touches in zip(rules.tolist(), sites.tolist(), marks.tolist(), strict=True):
             if NAMES[rule] in self.rules:
-                found.append(Rewrite(NAMES[rule], frozenset((site, *touches)) - {-1, len(shape.x)}, (float(site),)))
+                sites_of = frozenset(s for s in (site, *touches) if 0 <= s < len(shape.x))
+                found.append(Rewrite(NAMES[rule], sites_of, (float(site),)))
         if "pinch" in self.rules:
             pairs = slits(shape.x, shape.y, shape.b, shape.nxt, self.slit)
             for i, j, points in zip(*(part.tolist() for part in pairs), strict=True):

@@ -1,0 +1,223 @@
+"""From a structural problem to a part: density, contour, Stochastic Rewrite Descent, fewer primitives at a price."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import inf, isfinite
+from typing import Any
+
+import numpy as np
+
+from d4cad.beams.connection import require_supported
+from d4cad.beams.density import Schedule, optimised_density
+from d4cad.beams.outline import part_outline
+from d4cad.beams.problem import Problem
+from d4cad.beams.start import GRAMMARS, beam_grammar, density_program, whole_domain
+from d4cad.canvas import Canvas
+from d4cad.descent import Descent, Method, Record, Stage, Stop, descend
+from d4cad.errors import InputError
+from d4cad.estimators import Funnel
+from d4cad.objectives.compliance import ComplianceLoss
+from d4cad.objectives.domain import Domain
+from d4cad.program import Program
+from d4cad.protocols import Grammar
+from d4cad.sketch import Sketch
+from d4cad.steppers import NullSpace
+
+PRICE = 3e-4
+"""Share of the compliance that one primitive must save."""
+
+RHYTHM = (20, 15)
+ROUNDS = 40
+
+WARM_UP, WARM_ROUNDS = 12, 3
+"""From the whole domain the volume shrinks to the problem's in so many steps, each of at most so many rounds."""
+
+RADII = (2.4, 4.0, 6.0)
+"""Filter radii in elements of the densities to start from for few primitives: a wider one has fewer bars."""
+
+FILLET_TRIES = 3
+"""Times that a part is designed with less material to make room for its fillets."""
+
+Watch = Callable[[Record], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Beam:
+    """A designed part.
+
+    problem: what it answers. domain: its grid. program, canvas, grammar: the program over the domain, or over its half
+    if the problem is its own mirror image. outline: the part in mm. compliance: on the domain's grid by the objective's
+    soft density, total load and stiffness 1. seconds: CPU.
+    """
+
+    problem: Problem
+    domain: Domain
+    program: Program[Any]
+    canvas: Canvas
+    grammar: Grammar[Any]
+    outline: Sketch
+    compliance: float
+    history: tuple[Record, ...]
+    stop: Stop
+    seconds: float
+
+    @property
+    def primitives(self) -> int:
+        """Number of lines and arcs of the outline, a full circle counting two."""
+        return self.outline.primitives
+
+
+def design_beam(
+    problem: Problem,
+    *,
+    grammar: str = "arc-line",
+    init: str = "density",
+    simplify: float | None = None,
+    fillet: float | None = None,
+    seed: int = 0,
+    max_time: float | None = None,
+    watch: Watch | None = None,
+) -> Beam:
+    """The stiffest part that a descent finds.
+
+    grammar: "arc-line" or "union-rect". init: "density", the contour of an optimised density, or "axiom", the whole
+    domain. simplify: share of the compliance that may be given up for fewer primitives. fillet: radius in mm of inside
+    corners. max_time: seconds. watch: called with a Record a round. Raises InputError for a problem that has no answer.
+    Ctrl-C ends the search with the best part so far.
+    """
+    _check(grammar, init, simplify, fillet, seed, max_time)
+    require_supported(problem)
+    cpu = time.process_time()
+    search = _Search.of(problem, grammar, seed, max_time, watch)
+    found = search.best(init, simplify)
+    outline = part_outline(problem, search.domain, search.grammar.outline(found.program), fillet)
+    for _ in range(FILLET_TRIES if fillet is not None else 0):
+        excess = outline.area / problem.element**2 / search.domain.volume - 1
+        if excess < 5e-4 or found.stop in (Stop.INTERRUPTED, Stop.TIME):
+            break
+        search = search.with_volume(search.loss.domain.volume - excess * search.domain.volume)
+        found = search.improved(found.program, 0.0)
+        outline = part_outline(problem, search.domain, search.grammar.outline(found.program), fillet)
+    density = search.loss.density(search.grammar.rasterize(found.program, search.domain.canvas))
+    return Beam(
+        problem=problem,
+        domain=search.domain,
+        program=found.program,
+        canvas=search.domain.canvas,
+        grammar=search.grammar,
+        outline=outline,
+        compliance=search.loss.response(density).compliance,
+        history=tuple(search.history),
+        stop=found.stop,
+        seconds=time.process_time() - cpu,
+    )
+
+
+def _check(
+    grammar: str, init: str, simplify: float | None, fillet: float | None, seed: int, max_time: float | None
+) -> None:
+    if grammar not in GRAMMARS:
+        raise InputError(f"beams are designed in one of {', '.join(GRAMMARS)}, got {grammar!r}")
+    if init not in ("density", "axiom"):
+        raise InputError(f"a beam starts from density or axiom, got {init!r}")
+    if simplify is not None and not 0 <= simplify < 1:
+        raise InputError(f"the compliance given up must be a share from 0 to 1, got {simplify:g}")
+    if seed < 0:
+        raise InputError(f"the seed must be 0 or more, got {seed}")
+    for name, value, unit in (("radius of fillets", fillet, "mm"), ("time limit", max_time, "seconds")):
+        if value is not None and not (isfinite(value) and value > 0):
+            raise InputError(f"the {name} must be a positive number of {unit}, got {value:g}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """The working parts of :func:`design_beam`. history: of all descents, one after another."""
+
+    problem: Problem
+    domain: Domain
+    loss: ComplianceLoss
+    grammar: Any
+    rng: np.random.Generator
+    deadline: float
+    watch: Watch | None
+    history: list[Record]
+
+    @classmethod
+    def of(cls, problem: Problem, grammar: str, seed: int, max_time: float | None, watch: Watch | None) -> _Search:
+        domain = problem.domain()
+        halves = problem.divides(0.5) and all(side % 2 == 0 for side in domain.drawn)
+        loss = ComplianceLoss.of(domain, problem.domain(0.5) if halves else None)
+        deadline = inf if max_time is None else time.perf_counter() + max_time
+        language = beam_grammar(grammar, domain)
+        return cls(problem, domain, loss, language, np.random.default_rng(seed), deadline, watch, [])
+
+    def with_volume(self, volume: float) -> _Search:
+        """The same with another volume, in elements."""
+        return replace(self, loss=self.loss.with_volume(volume))
+
+    def best(self, init: str, simplify: float | None) -> Descent[Any]:
+        """The stiffest part, or the one of fewest primitives that is within a share of it."""
+        if init == "axiom":
+            found = [self.warmed(whole_domain(self.grammar, self.domain))]
+        else:
+            found = [self.from_density(RADII[0])]
+        if simplify is None:
+            return found[0]
+        allowed = found[0].loss * (1 + simplify)
+        if init == "density":
+            found += [self.from_density(radius) for radius in RADII[1:] if self.has_time]
+        simple = [self.simplified(descent, allowed) for descent in found if descent.loss <= allowed]
+        return min(simple, key=lambda descent: (self.grammar.complexity(descent.program), descent.loss))
+
+    @property
+    def has_time(self) -> bool:
+        """Whether there is time left for another start."""
+        return time.perf_counter() < self.deadline
+
+    def from_density(self, radius: float) -> Descent[Any]:
+        """The descent from the contour of a density with that filter radius, in elements."""
+        density = optimised_density(self.domain, Schedule(radius=radius))
+        program = self.grammar.repair(density_program(self.grammar, self.domain, density)).program
+        return self.improved(program, PRICE)
+
+    def warmed(self, program: Program[Any]) -> Descent[Any]:
+        """The descent from a program of the whole domain, its volume shrinking step by step."""
+        free = float(self.domain.free.sum())
+        for share in np.geomspace(1, self.domain.volume / free, WARM_UP + 1)[1:-1]:
+            program = self.with_volume(float(share) * free).improved(program, PRICE, WARM_ROUNDS).program
+        return self.improved(program, PRICE)
+
+    def simplified(self, found: Descent[Any], allowed: float) -> Descent[Any]:
+        """Fewer primitives at a loss of at most ``allowed``: the price of one doubles as long as it is kept."""
+        best, price = found, 2 * PRICE
+        while price < 0.1 and best.stop not in (Stop.INTERRUPTED, Stop.TIME):
+            there = self.improved(best.program, price)
+            if there.loss > allowed:
+                break
+            best, price = there, 2 * price
+        return best
+
+    def improved(self, program: Program[Any], price: float, rounds: int = ROUNDS) -> Descent[Any]:
+        """A descent at a price of a primitive, a share of the loss at ``program``."""
+        canvas, stepper = self.domain.canvas, NullSpace()
+        value = self.loss.value(self.grammar.rasterize(program, canvas))
+        method = Method((Stage(canvas.ramp, price * value, rounds),), RHYTHM, stepper, Funnel(stepper))
+        before = self.history[-1] if self.history else None
+
+        def note(record: Record, _: Program[Any]) -> None:
+            self.history.append(_after(before, record))
+            if self.watch is not None:
+                self.watch(self.history[-1])
+
+        left = max(self.deadline - time.perf_counter(), 0.0)
+        return descend(program, self.grammar, self.loss, canvas, method, self.rng, note, left)
+
+
+def _after(before: Record | None, record: Record) -> Record:
+    """A record with the steps and seconds of what came before."""
+    if before is None:
+        return record
+    return replace(record, step=before.step + record.step, seconds=before.seconds + record.seconds)
