@@ -5,6 +5,9 @@ All pictures are our own: shapes of the seeded generator, and those of examples/
 
 from __future__ import annotations
 
+import base64
+import io
+import re
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -12,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from d4cad.bench import coverage
 from d4cad.canvas import AREA, Canvas
@@ -20,7 +24,6 @@ from d4cad.fit import Fit
 from d4cad.fitting import fit_coverage, fit_image
 from d4cad.program import Floats
 from d4cad.shapes import generate
-from d4cad.sketch import Sketch
 
 DOCS = Path(__file__).parent
 PICTURES = DOCS.parent / "examples" / "pictures"
@@ -76,20 +79,21 @@ def in_grammar(seed: int, grammar: str) -> Fit:
 
 def card(fit: Fit, path: Path) -> None:
     """The picture and, beside it, the exact outline with its vertices, as an SVG file."""
-    import base64
-    import io
-
-    from PIL import Image
-
     assert fit.target is not None
-    grey = Image.fromarray(np.rint((1 - fit.target[::-1]) * 255).astype(np.uint8))
-    scale = SIDE / max(fit.canvas.shape)
-    height = round(fit.canvas.height * scale)
+    low_x, low_y, side = window(fit.target)
+    scale = SIDE / side
+    part = np.zeros((side, side))
+    x0, y0 = max(low_x, 0), max(low_y, 0)
+    seen = fit.target[y0 : low_y + side, x0 : low_x + side]
+    part[y0 - low_y : y0 - low_y + seen.shape[0], x0 - low_x : x0 - low_x + seen.shape[1]] = seen
+    grey = Image.fromarray(np.rint((1 - part[::-1]) * 255).astype(np.uint8))
     png = io.BytesIO()
-    shrunk = grey.resize((round(fit.canvas.width * scale), height)) if grey.width > SIDE else grey
-    shrunk.save(png, "PNG", optimize=True)
+    (grey.resize((SIDE, SIDE)) if grey.width > SIDE else grey).save(png, "PNG", optimize=True)
     data = base64.b64encode(png.getvalue()).decode()
-    sketch = placed(fit, scale)
+    extent_x, extent_y = fit.canvas.extent
+    pixel = fit.canvas.pixel
+    sketch = fit.outline.translated(extent_x - low_x * pixel, extent_y - low_y * pixel - side * pixel)
+    sketch = sketch.scaled(scale / pixel, unit="world")
     faces = "".join(f'<path d="{rounded(face_path(face))}"/>' for face in sketch.faces)
     dots = "".join(
         f'<circle cx="{x:.1f}" cy="{-y:.1f}" r="{1.8 if sketch.primitives < 60 else 1.1}"/>'
@@ -98,24 +102,24 @@ def card(fit: Fit, path: Path) -> None:
         for x, y in loop.points
     )
     path.write_text(
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {2 * SIDE + 12} {height}">'
-        f'<image href="data:image/png;base64,{data}" width="{SIDE}" height="{height}" preserveAspectRatio="xMidYMid"/>'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {2 * SIDE + 12} {SIDE}">'
+        f'<image href="data:image/png;base64,{data}" width="{SIDE}" height="{SIDE}"/>'
         f'<g transform="translate({SIDE + 12} 0)"><g fill="#dbe4f3" fill-rule="evenodd" stroke="#1f3a5f"'
         f' stroke-width="1.2" stroke-linejoin="round">{faces}</g><g fill="#d9622b">{dots}</g></g></svg>\n',
         encoding="utf-8",
     )
 
 
-def placed(fit: Fit, scale: float) -> Sketch:
-    """The outline in pixels of the card, y from 0 at the top down to negative values."""
-    extent_x, extent_y = fit.canvas.extent
-    return fit.outline.translated(extent_x, -extent_y).scaled(scale / fit.canvas.pixel, unit="world")
+def window(target: Floats) -> tuple[int, int, int]:
+    """The square around the shape with a margin: its lowest column and row, which may be outside, and its side, in
+    pixels."""
+    rows, cols = (np.flatnonzero(np.max(target, axis=axis) > 0.5) for axis in (1, 0))
+    side = int(1.12 * max(np.ptp(rows), np.ptp(cols))) + 4
+    return int(cols[0] + cols[-1] - side + 1) // 2, int(rows[0] + rows[-1] - side + 1) // 2, side
 
 
 def rounded(path: str) -> str:
     """Path data with two decimals."""
-    import re
-
     return re.sub(r"-?\d+\.\d+(?:e-?\d+)?", lambda match: f"{float(match[0]):.2f}", path)
 
 
