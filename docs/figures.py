@@ -217,16 +217,14 @@ def draw_ramps() -> None:
     goal = target()
     figure, panels = plt.subplots(1, 3, figsize=(6.6, 2.4), layout="constrained")
     run = searched(Setting("fast", "AL-all"), goal)
-    for axes, (ramp, title) in zip(
-        panels, ((3.0, "ramp of 3 px"), (2**-0.5, "the paper's ramp"), (0.0, "exact area")), strict=True
-    ):
+    for axes, (ramp, title) in zip(panels, ((3.0, "3 px"), (2**-0.5, "the paper's"), (0.0, "exact area")), strict=True):
         canvas = Canvas.square(48, ramp)
         drawn = run.grammar.rasterize(run.found, canvas)
         axes.imshow(
             1 - 0.6 * drawn.coverage, cmap="gray", vmin=0, vmax=1, origin="lower", extent=(-1.5, 1.5, -1.5, 1.5)
         )
         drawing(axes, run.grammar.outline(run.found), dots=False, color=DOT, fill=None)
-        bare(axes, f"{title}: {len(drawn.row)} pixels in the band", reach=1.2)
+        bare(axes, f"{title}: {len(drawn.row)} px in the band", reach=1.2)
     save(figure, "ramps")
 
 

@@ -40,7 +40,7 @@ INDENTED = re.compile(r"^    (d4cad [^\n]*)$", re.M)
 INLINE = re.compile(r"`(d4cad [a-z]+[^`]*|python [a-z]+/[^`]*|make [a-z]+)`")
 PLACEHOLDER = re.compile(r"\b[A-Z][A-Z_]+\b")
 NEITHER = ("make", "pip", "python", "#", "$")
-"""How lines begin that are commands, but are not run: they install things, or take minutes, and have their own tests."""
+"""How lines begin that are commands, but are not run: they install things or take minutes."""
 FAILURES = {"check": (0, 1)}
 """Exit codes that mean that a command did its work, if not 0 alone."""
 
