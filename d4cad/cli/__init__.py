@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from d4cad import __version__
-from d4cad.cli import beam, bench, check, combine, doctor, export, fit, grammars, simplify, tables
+from d4cad.cli import beam, bench, check, combine, doctor, export, fit, grammars, simplify, tables, targets
 
 app = typer.Typer(
     help="A picture of a part becomes an exact CAD part of lines and arcs.",
@@ -52,6 +52,7 @@ for _command in (
     doctor.doctor,
     bench.bench,
     tables.tables,
+    targets.targets,
     grammars.grammars,
 ):
     app.command()(_command)
