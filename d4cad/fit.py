@@ -96,7 +96,12 @@ class Fit:
     @property
     def counted(self) -> str | None:
         """What the grammar counts, such as "rectangle"; None where the outline's edges count."""
-        return entry(self.grammar.name).counted
+        return entry(self.language).counted
+
+    @property
+    def language(self) -> str:
+        """The name by which the grammar was asked for: its own, or MODULE:OBJECT."""
+        return str(self.settings.get("grammar", self.grammar.name))
 
     @property
     def primitives(self) -> int:
@@ -225,7 +230,7 @@ class Fit:
         )
         loops = self.outline if sketch is None else sketch
         return io.ProgramFile(
-            grammar=self.grammar.name,
+            grammar=self.language,
             structure=self.grammar.encode(self.program.structure),
             params=tuple(self.program.params.tolist()),
             canvas=self.canvas,
@@ -423,6 +428,7 @@ def fit_coverage(
             "max_time": max_time,
             "snap": snap,
             "floor": floor,
+            **({} if language.name == grammar else {"grammar": grammar}),
         },
         target=target,
         start_psnr=decibels(float(np.mean((language.rasterize(first, canvas).coverage - target) ** 2))),
@@ -510,11 +516,11 @@ def warm(grammar: str, method: str) -> None:
         fit_coverage(target, Canvas.square(32, ramp), grammar=grammar, method=method, init=None, floor=10.0)
 
 
-def load_program(path: str | PathLike[str]) -> Fit:
+def load_program(path: str | PathLike[str], grammar: str | None = None) -> Fit:
     """The fit that a program file or a drawing holds: see :func:`d4cad.programs.load`."""
     from d4cad.programs import load
 
-    return load(path)
+    return load(path, grammar)
 
 
 def joined_outline(grammar: Grammar[Any], program: Program[Any], canvas: Canvas, error: float) -> Sketch:
@@ -562,7 +568,7 @@ def _start(init: str | PathLike[str] | Fit | None, grammar: str) -> str | Fit | 
     """The fit to go on from, or the name of a way to begin; None for the method's own."""
     if init is None or (isinstance(init, str) and init in STARTS):
         return init
-    start = init if isinstance(init, Fit) else load_program(init)
-    if start.grammar.name != grammar:
-        raise InputError(f"the program to start from is in the grammar {start.grammar.name}, expected {grammar}")
+    start = init if isinstance(init, Fit) else load_program(init, grammar)
+    if start.language != grammar:
+        raise InputError(f"the program to start from is in the grammar {start.language}, expected {grammar}")
     return start
