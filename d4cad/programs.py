@@ -32,7 +32,7 @@ SIDE = 1024
 """Pixels along the canvas of a drawing."""
 
 
-def load(path: str | PathLike[str], grammar: str | None = None) -> Fit:
+def load_program(path: str | PathLike[str], grammar: str | None = None) -> Fit:
     """The fit that a program file holds, its target excepted, or the program of a .dxf or .svg drawing.
 
     grammar: the script's grammar, as MODULE:OBJECT or FILE.py:OBJECT, that the file may be in: opening a file runs no

@@ -1,7 +1,7 @@
 """Grammars, their variants and methods by the names they have on the command line.
 
 A grammar of another package is an `Entry` that it names under the entry points "d4cad.grammars"; that of a script is
-called MODULE:OBJECT or FILE.py:OBJECT (docs/grammars.md).
+called MODULE:OBJECT or FILE.py:OBJECT (docs/grammar-authoring.md).
 """
 
 from __future__ import annotations

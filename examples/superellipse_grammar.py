@@ -1,6 +1,6 @@
 """A grammar of one's own: unions of superellipses |u / a|^p + |v / b|^p <= 1, of which only rewrites change p.
 
-`d4cad fit picture.png --grammar examples/superellipse_grammar.py:ENTRY -o part.step` uses it (docs/grammars.md).
+`d4cad fit picture.png --grammar examples/superellipse_grammar.py:ENTRY -o part.step` uses it (docs/grammar-authoring.md).
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from scipy.ndimage import distance_transform_edt
 from d4cad.arrangement import regions
 from d4cad.canvas import Canvas
 from d4cad.errors import GrammarError
-from d4cad.fit import Fit, fit_coverage
+from d4cad.fit import Fit
+from d4cad.fitting import fit_coverage
 from d4cad.program import Edit, Floats, Program, Rewrite
 from d4cad.protocols import RuleFacts
 from d4cad.raster.band import Band
@@ -101,8 +102,7 @@ class Superellipses:
 
     def rasterize(self, program: Shape, canvas: Canvas) -> Band:
         """Coverage, with derivatives by finite differences."""
-        p = program.structure
-        return union_of_fields(canvas, program.params.reshape(-1, 5), lambda i, *args: distance(p[i], *args))
+        return union_of_fields(canvas, program.params.reshape(-1, 5), lambda i, *a: distance(program.structure[i], *a))
 
     def outline(self, program: Shape) -> Sketch:
         """The union as lines and arcs, within a tenth of ``least`` of the curves."""

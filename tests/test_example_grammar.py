@@ -1,4 +1,4 @@
-"""The example of a grammar of one's own: what docs/grammars.md says of it."""
+"""The example of a grammar of one's own: what docs/grammar-authoring.md says of it."""
 
 from __future__ import annotations
 

@@ -16,8 +16,9 @@ from typer.testing import CliRunner
 from d4cad.canvas import Canvas
 from d4cad.cli import app
 from d4cad.errors import InputError
-from d4cad.fit import fit_coverage, load_program
+from d4cad.fitting import fit_coverage
 from d4cad.program import Floats
+from d4cad.programs import load_program
 from d4cad.registry import GRAMMARS, entry, make_grammar, names
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "superellipse_grammar.py"

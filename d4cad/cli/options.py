@@ -57,7 +57,7 @@ Dialect = Annotated[
 Grammar = Annotated[
     str,
     typer.Option(
-        metavar="NAME", help="Language of shapes: arc-line, union-rect, tree, or another's: docs/grammars.md."
+        metavar="NAME", help="Language of shapes: arc-line, union-rect, tree, or another's: docs/grammar-authoring.md."
     ),
 ]
 ScriptGrammar = Annotated[
