@@ -1,6 +1,6 @@
 """A grammar of one's own: unions of superellipses |u / a|^p + |v / b|^p <= 1, of which only rewrites change p.
 
-`d4cad fit picture.png --grammar examples/superellipse_grammar.py:ENTRY -o part.step` uses it (docs/grammar-authoring.md).
+`d4cad fit a.png --grammar examples/superellipse_grammar.py:ENTRY -o a.step` uses it (docs/grammar-authoring.md).
 """
 
 from __future__ import annotations
