@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from d4cad import __version__
-from d4cad.cli import beam, bench, check, combine, doctor, export, fit, grammars, simplify, tables
+from d4cad.cli import beam, bench, check, combine, doctor, export, fit, grammar_report, grammars, simplify, tables
 
 app = typer.Typer(
     help="A picture of a part becomes an exact CAD part of lines and arcs.",
@@ -53,5 +53,6 @@ for _command in (
     bench.bench,
     tables.tables,
     grammars.grammars,
+    grammar_report.grammar_report,
 ):
     app.command()(_command)
