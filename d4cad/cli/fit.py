@@ -40,6 +40,9 @@ def fit(
     preview: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Target, outline and error as .png or .svg.", show_default=False)
     ] = None,
+    animate: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The course of the search as .gif.", show_default=False)
+    ] = None,
     width: Width = None,
     scale: Scale = None,
     dpi: Dpi = None,
@@ -83,6 +86,7 @@ def fit(
     Several pictures go to a folder; one that fails does not stop the others, and makes the exit code 2.
     """
     with reported():
+        from d4cad import animation
         from d4cad.finishing import Finish, fit_finished
         from d4cad.placement import Placement
 
@@ -104,9 +108,9 @@ def fit(
         outputs = output or []
         shown = {"quiet": quiet, "as_json": as_json}
         if pictures.is_batch(images, out_dir):
-            if preview is not None or report_file is not None or layers is not None:
+            if preview is not None or report_file is not None or layers is not None or animate is not None:
                 raise D4cadError(
-                    "with several pictures, name previews and reports by -o .png and -o .html; no --layers"
+                    "with several pictures, name previews and reports by -o .png and -o .html; no --layers or --animate"
                 )
             pictures.fit_batch(
                 images, out_dir, outputs, options, finish, placement, jobs=jobs, force=force, **shown
@@ -118,15 +122,28 @@ def fit(
                 raise D4cadError(f"a report is .html, got {report_file}")
             outputs = [*outputs, report_file]
         if layers is not None:
-            if preview is not None or init is not None:
-                raise D4cadError("--layers takes neither --preview nor --init: -o NAME.png has a preview of each layer")
+            if preview is not None or init is not None or animate is not None:
+                raise D4cadError(
+                    "--layers takes no --preview, --init or --animate: -o NAME.png has a preview of each layer"
+                )
             pictures.fit_colors(image, layers, outputs, options, finish, placement, **shown)
             return
         check_outputs(outputs, preview, image)
+        film = None
+        if animate is not None:
+            animation.check(animate)
+            if animate.resolve() == image.resolve():
+                raise D4cadError(f"cannot write {animate}: it is the picture")
+            film = animation.Film()
+            options["follow"] = film.follow
         with progress(max_time, shown=not (quiet or as_json)) as watch:
             found = fit_finished(image, finish, placement, watch=watch, **options)
         placement = found.placement(width, scale, dpi, origin, thickness)
         write(found, placement, outputs, preview)
+        if film is not None and animate is not None:
+            film.end(found)
+            animation.write_gif(animate, film.frames)
+            outputs = [*outputs, animate]
         report(found, placement, outputs, preview, quiet=quiet, as_json=as_json)
         if found.stop.name == "INTERRUPTED":
             raise typer.Exit(INTERRUPTED)
