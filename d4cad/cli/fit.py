@@ -9,6 +9,7 @@ import typer
 
 from d4cad.cli import pictures
 from d4cad.cli.options import (
+    Branches,
     Dpi,
     Grammar,
     Json,
@@ -18,6 +19,7 @@ from d4cad.cli.options import (
     Quiet,
     Scale,
     Seed,
+    Separate,
     Snap,
     Thickness,
     Variant,
@@ -50,6 +52,8 @@ def fit(
     origin: Origin = None,
     grammar: Grammar = "arc-line",
     variant: Variant = None,
+    branches: Branches = None,
+    separate: Separate = False,
     method: Method = "fast",
     init: Annotated[
         str | None,
@@ -86,7 +90,7 @@ def fit(
     Several pictures go to a folder; one that fails does not stop the others, and makes the exit code 2.
     """
     with reported():
-        from d4cad import animation
+        from d4cad import animation, pieces
         from d4cad.finishing import Finish, fit_finished
         from d4cad.placement import Placement
 
@@ -106,12 +110,15 @@ def fit(
             "snap": snap,
         }
         outputs = output or []
+        pieces.require(grammar, branches, separate=separate, outputs=outputs)
         shown = {"quiet": quiet, "as_json": as_json}
         if pictures.is_batch(images, out_dir):
             if preview is not None or report_file is not None or layers is not None or animate is not None:
                 raise D4cadError(
                     "with several pictures, name previews and reports by -o .png and -o .html; no --layers or --animate"
                 )
+            if branches is not None or separate:
+                raise D4cadError("--branches and --separate are for one picture: `d4cad export` has them for the rest")
             pictures.fit_batch(
                 images, out_dir, outputs, options, finish, placement, jobs=jobs, force=force, **shown
             )  # fmt: skip
@@ -126,6 +133,8 @@ def fit(
                 raise D4cadError(
                     "--layers takes no --preview, --init or --animate: -o NAME.png has a preview of each layer"
                 )
+            if branches is not None or separate:
+                raise D4cadError("--layers takes neither --branches nor --separate")
             pictures.fit_colors(image, layers, outputs, options, finish, placement, **shown)
             return
         check_outputs(outputs, preview, image)
@@ -139,6 +148,7 @@ def fit(
         with progress(max_time, shown=not (quiet or as_json)) as watch:
             found = fit_finished(image, finish, placement, watch=watch, **options)
         placement = found.placement(width, scale, dpi, origin, thickness)
+        found = pieces.drawn(found, placement, branches, separate=separate)
         write(found, placement, outputs, preview)
         if film is not None and animate is not None:
             film.end(found)
