@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -53,13 +54,19 @@ SETUPS = {
 }  # fmt: skip
 
 
-def paper_beam(name: str, *, seed: int = 0, steps: int = STEPS, watch: Watch | None = None) -> Beam:
+def paper_beam(
+    name: str, *, seed: int = 0, steps: int = STEPS, max_time: float | None = None, watch: Watch | None = None
+) -> Beam:
     """A beam of the paper on 64 x 64 elements of 1 mm, total load 1 N: clipped gradient, 64 sampled rewrites a round.
 
-    Raises InputError for a name that the paper has no set-up of.
+    max_time: seconds. Raises InputError for a name that the paper has no set-up of.
     """
     if name not in SETUPS:
         raise InputError(f"the paper has the beams {', '.join(SETUPS)}, got {name!r}")
+    if seed < 0:
+        raise InputError(f"the seed must be 0 or more, got {seed}")
+    if max_time is not None and not (isfinite(max_time) and max_time > 0):
+        raise InputError(f"the time limit must be a positive number of seconds, got {max_time:g}")
     setup = SETUPS[name]
     problem = Problem(name, (SIDE, SIDE), 1.0, setup.volume / 2, setup.supports, (Load(setup.load, (0.0, -1.0)),))
     domain = replace(problem.domain(), mirrored=(False, False), margin=0)
@@ -83,7 +90,9 @@ def paper_beam(name: str, *, seed: int = 0, steps: int = STEPS, watch: Watch | N
             watch(record)
 
     cpu = time.process_time()
-    found = descend(first, grammar, loss, canvas, method, np.random.default_rng(seed), note)
+    found = descend(
+        first, grammar, loss, canvas, method, np.random.default_rng(seed), note, inf if max_time is None else max_time
+    )
     program = grammar.repair(latest[0]).program
     density = loss.occupancy(grammar.rasterize(program, canvas).coverage)
     return Beam(
