@@ -10,6 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from d4cad.beams.design import design_beam
 from d4cad.beams.library import find_problem
 from d4cad.beams.pictures import design_panel, problem_panel, write_picture
@@ -18,9 +20,8 @@ from d4cad.beams.saving import save
 
 
 def main(out: Path, element: float = 1.0) -> dict[str, Any]:
-    """Writes mbb.step, .json and .png to ``out``; returns the report's facts and its bars. element: mm.
-
-    bars: (length, width, degrees from the x axis) of each bar of the left half, which the right half mirrors.
+    """Writes mbb.step, .json and .png to ``out``; returns the report's facts and the bars of the half that the other
+    half mirrors: length and width in mm, and degrees from the x axis. element: mm.
     """
     problem = replace(find_problem("mbb", 0.5), element=element)
     beam = design_beam(problem, grammar="union-rect")
@@ -30,8 +31,18 @@ def main(out: Path, element: float = 1.0) -> dict[str, Any]:
         save(beam, path)
     picture = out / "mbb.png"
     write_picture(picture, [problem_panel(problem), design_panel(problem, beam.outline, fine)])
-    return {**report(beam, fine, files=[*files, picture])}
+    rectangles = beam.program.params.reshape(-1, 5)  # centre, half-sizes, angle; world units and radians
+    sizes = rectangles[:, 2:4] * 2 * problem.element / beam.canvas.pixel
+    along = rectangles[:, 4] + np.pi / 2 * (sizes[:, 1] > sizes[:, 0])
+    bars = [
+        (float(size.max()), float(size.min()), float(np.degrees(angle)) % 180)
+        for size, angle in zip(sizes, along, strict=True)
+    ]
+    return {**report(beam, fine, files=[*files, picture]), "bars": bars}
 
 
 if __name__ == "__main__":
-    print(text(main(Path(sys.argv[1] if len(sys.argv) > 1 else "."))))
+    facts = main(Path(sys.argv[1] if len(sys.argv) > 1 else "."))
+    print(text(facts))
+    for length, width, angle in sorted(facts["bars"], reverse=True):
+        print(f"bar {length:.1f} x {width:.1f} mm at {angle:.0f} degrees")
