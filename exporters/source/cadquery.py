@@ -8,6 +8,7 @@ from d4cad.exporters.source.layout import (
     COLUMNS,
     INDENT,
     Group,
+    Node,
     array,
     assignments,
     call,
@@ -15,12 +16,12 @@ from d4cad.exporters.source.layout import (
     chained,
     laid,
     opening,
+    point,
     point_function,
     scaled,
 )
 from d4cad.exporters.source.plan import Contour, Family, Piece, Plan
 from d4cad.features import Circle, Feature, Rectangle, RegularPolygon, RoundedRectangle, Slot
-from d4cad.loop import Point
 
 HOW = ("Needs CadQuery. Open it in CQ-editor, or import `result` from this file.",)
 
@@ -31,7 +32,8 @@ def source(plan: Plan, name: str) -> str:
     for contour in plan.contours:
         if _has_own_sketch(contour):
             calls = [call("cq.Sketch"), *_sketched(contour, plan)]
-            lines += [f"# {contour.comment}", *_noted(chained(f"{contour.name} = ", calls), contour, plan), ""]
+            comments = [f"# {comment}" for comment in contour.comments]
+            lines += [*comments, *_noted(chained(f"{contour.name} = ", calls), contour, plan), ""]
     lines += [
         *_profile([family for face in plan.faces for family in face.families]),
         "",
@@ -57,7 +59,7 @@ def _profile(families: Sequence[Family]) -> list[str]:
     lines = ["profile = (", f"{INDENT}cq.Sketch()"]
     for family in families:
         if not _has_own_sketch(family.first):
-            lines.append(f"{INDENT}# {family.comment}")
+            lines += [f"{INDENT}# {comment}" for comment in family.comments]
         for step in _steps(family):
             lines += laid(step, 1, ".")
     return [*lines, ")"]
@@ -71,32 +73,32 @@ def _sketched(contour: Contour, plan: Plan) -> list[Group]:
         return [rectangle, call("vertices"), call("fillet", scaled(names["radius"])), call("reset")]
     pieces = contour.pieces
     if len(pieces) == 1:
-        return [call("polygon", array([_point(point, plan) for point in pieces[0].points[:-1]]))]
+        return [call("polygon", array([point(place, plan) for place in pieces[0].points[:-1]]))]
     calls: list[Group] = []
     for k, piece in enumerate(pieces):
-        start = [] if k else [_point(piece.points[0], plan)]
+        start = [] if k else [point(piece.points[0], plan)]
         last = k == len(pieces) - 1
         calls += _edges(piece, start, plan, last=last)
     return [*calls, call("assemble")]
 
 
-def _edges(piece: Piece, start: Sequence[str], plan: Plan, *, last: bool) -> list[Group]:
+def _edges(piece: Piece, start: Sequence[Node], plan: Plan, *, last: bool) -> list[Group]:
     """Each begins where the one before ended; only the first has a start of its own."""
-    points = [_point(point, plan) for point in piece.points[1:]]
+    points = [point(place, plan) for place in piece.points[1:]]
     if piece.middle is not None:
-        return [call("arc", *start, _point(piece.middle, plan), *points)]
-    segments = [call("segment", *(start if k == 0 else ()), point) for k, point in enumerate(points)]
+        return [call("arc", *start, point(piece.middle, plan), *points)]
+    segments = [call("segment", *(start if k == 0 else ()), end) for k, end in enumerate(points)]
     return [*segments[:-1], call("close")] if last else segments
 
 
 def _noted(lines: list[str], contour: Contour, plan: Plan) -> list[str]:
     """The radius beside each arc that has a short one: three points do not tell it."""
-    radii = iter([piece.radius for piece in contour.pieces if piece.middle is not None])
+    arcs = iter([piece for piece in contour.pieces if piece.middle is not None])
     noted = []
     for line in lines:
-        radius = next(radii) if line.startswith(f"{INDENT}.arc(") else None
-        note = "" if radius is None else f"  # radius {plan.number(abs(radius))}"
-        noted.append(line + note if len(line + note) <= COLUMNS else line)
+        arc = next(arcs) if line.startswith(f"{INDENT}.arc(") else None
+        note = "" if arc is None or arc.radius is None else f"  # radius {plan.radius(arc, sign=0)}"
+        noted.append(line + note if len(line + note) <= COLUMNS and not line.endswith("(") else line)
     return noted
 
 
@@ -125,7 +127,3 @@ def _primitive(contour: Contour, found: Feature, mode: Sequence[str]) -> Group:
         case RegularPolygon(sides=sides):  # CadQuery's first corner is at the top
             turn = f"{names['angle']} - 90" if angle else "-90"
             return call("regularPolygon", scaled(names["radius"]), str(sides), turn, *mode)
-
-
-def _point(point: Point, plan: Plan) -> str:
-    return f"at({plan.number(point[0])}, {plan.number(point[1])})"
