@@ -97,7 +97,7 @@ def shared(sketch: Sketch, names: Mapping[int, str], circles: Mapping[int, Point
 
 @dataclass(eq=False)
 class _Work:
-    """What has been found so far. values: of every parameter. formulas: of those that follow from the others. level: the
+    """What was found so far. values: of every parameter. formulas: of those that follow from the others. level: the
     edges along which a coordinate is the same.
     """
 
