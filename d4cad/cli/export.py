@@ -20,6 +20,7 @@ from d4cad.cli.options import (
     Quiet,
     Scale,
     Schema,
+    ScriptGrammar,
     Style,
     Thickness,
     Tolerance,
@@ -34,7 +35,7 @@ def export(
         Path,
         typer.Argument(
             metavar="PROGRAM",
-            help="A program file, or a .dxf or .svg drawing. or a .dxf or .svg drawing.",
+            help="A program file, or a .dxf or .svg drawing.",
             show_default=False,
         ),
     ],
@@ -66,6 +67,7 @@ def export(
     shell: forms.ShellOption = None,
     open_side: forms.Open = None,
     list_loops: forms.ListLoops = False,
+    grammar: ScriptGrammar = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -104,7 +106,7 @@ def export(
         check_outputs(outputs, None, None, options)
         from d4cad.programs import load_program
 
-        found = load_program(program)
+        found = load_program(program, grammar)
         placement = found.placement(width, scale, dpi, origin, thickness)
         if list_loops:
             typer.echo(forms.loops_text(placement.place(found.outline, found.canvas), as_json=as_json))
