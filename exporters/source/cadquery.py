@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import atan2, degrees
 
 from d4cad.exporters.source.layout import (
     COLUMNS,
@@ -14,6 +15,7 @@ from d4cad.exporters.source.layout import (
     call,
     center,
     chained,
+    computed,
     laid,
     opening,
     point,
@@ -85,10 +87,21 @@ def _sketched(contour: Contour, plan: Plan) -> list[Group]:
 def _edges(piece: Piece, start: Sequence[Node], plan: Plan, *, last: bool) -> list[Group]:
     """Each begins where the one before ended; only the first has a start of its own."""
     points = [point(place, plan) for place in piece.points[1:]]
+    if piece.center is not None:  # a quarter, told by its centre, radius, first angle and sweep
+        return [call("arc", computed(piece.center, plan), scaled(piece.radius_name), *_angles(piece))]
     if piece.middle is not None:
         return [call("arc", *start, point(piece.middle, plan), *points)]
     segments = [call("segment", *(start if k == 0 else ()), end) for k, end in enumerate(points)]
     return [*segments[:-1], call("close")] if last else segments
+
+
+def _angles(piece: Piece) -> tuple[str, str]:
+    """Of a quarter of a circle between level and upright lines: where it begins and how far it goes, in degrees."""
+    (x0, y0), (x1, y1) = piece.points
+    turn = 1 if piece.bulge > 0 else -1
+    across, up = (x1 - x0) - turn * (y1 - y0), (y1 - y0) + turn * (x1 - x0)  # from the centre to the start, times -2
+    first = round(degrees(atan2(-up, -across)) / 90) * 90 % 360
+    return str(first), str(90 * turn)
 
 
 def _noted(lines: list[str], contour: Contour, plan: Plan) -> list[str]:
@@ -97,7 +110,8 @@ def _noted(lines: list[str], contour: Contour, plan: Plan) -> list[str]:
     noted = []
     for line in lines:
         arc = next(arcs) if line.startswith(f"{INDENT}.arc(") else None
-        note = "" if arc is None or arc.radius is None else f"  # radius {plan.radius(arc, sign=0)}"
+        told = arc is None or arc.radius is None or arc.radius_name
+        note = "" if arc is None or told else f"  # radius {plan.radius(arc, sign=0)}"
         noted.append(line + note if len(line + note) <= COLUMNS and not line.endswith("(") else line)
     return noted
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from d4cad import __version__
 from d4cad.exporters.source.parameters import Parameter
 from d4cad.exporters.source.plan import Plan
+from d4cad.exporters.source.shared import Place
 from d4cad.exporters.source.words import plain
 from d4cad.loop import Point
 
@@ -125,4 +126,9 @@ def center(contour_names: dict[str, str]) -> Group:
 
 def point(place: Point, plan: Plan) -> Group:
     """A point of the drawing in mm."""
-    return call("at", *plan.place(place))
+    return computed(plan.place(place), plan)
+
+
+def computed(place: Place, plan: Plan) -> Group:
+    """A point of the drawing in mm from what it is computed from."""
+    return call("at", *(each.text(plan.decimals) for each in place))

@@ -132,4 +132,5 @@ def _center(names: Names) -> str:
 
 
 def _point(point: Point, plan: Plan) -> str:
-    return f"[{', '.join(plan.place(point))}]"
+    x, y = plan.place(point)
+    return f"[{x.text(plan.decimals)}, {y.text(plan.decimals)}]"

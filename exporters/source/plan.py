@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from math import floor, hypot, log10, sqrt
+from math import copysign, floor, hypot, log10, sqrt
 
 from d4cad.exporters.occ import CAUTIOUS, CONFUSION, FLATTEST, require_mm, require_thickness
 from d4cad.exporters.source.linear import Linear
 from d4cad.exporters.source.parameters import Named, Names, Parameter, named
-from d4cad.exporters.source.shared import Place, Shared, middle, shared
+from d4cad.exporters.source.shared import QUARTER, Place, Shared, center, middle, shared
 from d4cad.exporters.source.told import told
 from d4cad.exporters.source.words import at, described, edges, number, ranges, short
 from d4cad.features import TOLERANCE, Circle, Feature, feature
@@ -31,7 +31,8 @@ class Piece:
     """Consecutive lines through ``points``, or one arc from the first point over ``middle`` to the last.
 
     ``bulge``: of the arc. ``radius``: of an arc for which a short number is as exact as three points are, signed as
-    its bulge: > 0 counter-clockwise; its magnitude may be a parameter, ``radius_name``.
+    its bulge: > 0 counter-clockwise; its magnitude may be a parameter, ``radius_name``, and then ``center`` is what the
+    arc's centre is computed from.
     """
 
     points: tuple[Point, ...]
@@ -39,6 +40,7 @@ class Piece:
     bulge: float = 0.0
     radius: float | None = None
     radius_name: str = ""
+    center: Place | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,10 +135,9 @@ class Plan:
         """A coordinate or size, as short as its decimals allow."""
         return number(value, self.decimals)
 
-    def place(self, point: Point) -> tuple[str, str]:
+    def place(self, point: Point) -> Place:
         """x and y of a point: numbers, or how they are computed."""
-        x, y = self.places.get(point) or (Linear(point[0]), Linear(point[1]))
-        return x.text(self.decimals), y.text(self.decimals)
+        return self.places.get(point) or (Linear(point[0]), Linear(point[1]))
 
     def radius(self, piece: Piece, *, sign: int) -> str:
         """The radius of an arc that has one: a number or a parameter. sign: 1 as it is, -1 negated, 0 its magnitude."""
@@ -209,14 +210,14 @@ def _computed(piece: Piece, common: Shared, places: dict[Point, Place]) -> Piece
         return piece
     ends = piece.points[0], piece.points[-1]
     start, end = map(common.place, ends)
-    between = middle(start, end, piece.bulge)
+    name = common.radii.get(ends, "")
+    bulge = copysign(QUARTER, piece.bulge) if name else piece.bulge
+    between = middle(start, end, bulge)
     if between[0].terms or between[1].terms:
         places[piece.middle] = between
-    name = common.radii.get(ends, "")
-    if name and abs(piece.bulge) < LARGEST:
-        chord = hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1])
-        radius = chord * (1 + piece.bulge**2) / (4 * piece.bulge)
-        return replace(piece, radius=radius, radius_name=name)
+    if name:
+        radius = copysign(hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]) / sqrt(2), bulge)
+        return replace(piece, radius=radius, radius_name=name, center=center(start, end, bulge))
     moves = any((end[axis] - start[axis]).terms for axis in (0, 1))
     return replace(piece, radius=None) if moves else piece
 
