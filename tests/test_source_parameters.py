@@ -330,6 +330,11 @@ def test_a_text_has_the_value(terms: list[tuple[str, float]], constant: float, d
     assert total.substituted({"a": formula}).value(values) == pytest.approx(total.value(known), abs=1e-9)
 
 
+def without_digits(text: str) -> str:
+    """The last of nine decimals depend on the machine."""
+    return re.sub(r"\d+\.\d{4,}", "_", text)
+
+
 @dialects(["cadquery"])
 def test_a_fitted_picture_has_its_sizes_by_name(dialect: str, tmp_path: Path) -> None:
     """The example of the page: the picture's bracket, 79.2 mm wide."""
@@ -338,7 +343,8 @@ def test_a_fitted_picture_has_its_sizes_by_name(dialect: str, tmp_path: Path) ->
     text = source(sketch, dialect=dialect, thickness=3.0)
     page = (ROOT / "docs" / "editable-source.md").read_text(encoding="utf-8")
     (shown,) = re.findall(r"^## Relations.*?```python\n(.*?)```", page, flags=re.MULTILINE | re.DOTALL)
-    assert set(re.findall(r"^(\w+) = ", shown, re.MULTILINE)) <= set(assigned(text))
+    for block in re.split(r"^(?=# outer 1)", shown, flags=re.MULTILINE):
+        assert without_digits(block.rstrip()) in without_digits(text)
     assert area(text, dialect, tmp_path) == pytest.approx(sketch.area, rel=1e-8)
     wider = area(changed(text, {"width": 89.2}), dialect, tmp_path)
     (tall,) = (float(y) for y in re.findall(r"^y_1 = ([\d.]+)", text, re.MULTILINE))
