@@ -6,7 +6,7 @@ import re
 import runpy
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
@@ -33,7 +33,7 @@ Q = tan(pi / 8)
 LIBRARY = {"build123d": "build123d", "build123d-algebra": "build123d", "cadquery": "cadquery"}
 
 
-def dialects(names: Any) -> Any:
+def dialects(names: Iterable[str]) -> pytest.MarkDecorator:
     return pytest.mark.parametrize(
         "dialect",
         [

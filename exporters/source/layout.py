@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from d4cad import __version__
 from d4cad.exporters.source.parameters import Parameter
+from d4cad.exporters.source.places import Place
 from d4cad.exporters.source.plan import Plan
-from d4cad.exporters.source.shared import Place
 from d4cad.exporters.source.words import plain
 from d4cad.loop import Point
 

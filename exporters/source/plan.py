@@ -9,7 +9,8 @@ from math import copysign, floor, hypot, log10, sqrt
 from d4cad.exporters.occ import CAUTIOUS, CONFUSION, FLATTEST, require_mm, require_thickness
 from d4cad.exporters.source.linear import Linear
 from d4cad.exporters.source.parameters import Named, Names, Parameter, named
-from d4cad.exporters.source.shared import QUARTER, Place, Shared, center, middle, shared
+from d4cad.exporters.source.places import Place, center, exact, middle
+from d4cad.exporters.source.shared import Shared, shared
 from d4cad.exporters.source.told import told
 from d4cad.exporters.source.words import at, described, edges, number, ranges, short
 from d4cad.features import TOLERANCE, Circle, Feature, feature
@@ -211,7 +212,7 @@ def _computed(piece: Piece, common: Shared, places: dict[Point, Place]) -> Piece
     ends = piece.points[0], piece.points[-1]
     start, end = map(common.place, ends)
     name = common.radii.get(ends, "")
-    bulge = copysign(QUARTER, piece.bulge) if name else piece.bulge
+    bulge = exact(piece.bulge)
     between = middle(start, end, bulge)
     if between[0].terms or between[1].terms:
         places[piece.middle] = between
