@@ -1,8 +1,8 @@
 """Tensors that PyTorch pickled, read without PyTorch and without running anything.
 
 A pickle is a program: it may name any function of any module and call it. Here only what tensors need can be named,
-each name stands for a harmless function of our own, and everything else is refused before it is looked up. Formats: the zip
-archive and the older stream of ``torch.save`` (https://pytorch.org/docs/stable/notes/serialization.html), and plain
+each name stands for a harmless function of our own, and everything else is refused before it is looked up. Formats: the
+zip archive and the older stream of ``torch.save`` (https://pytorch.org/docs/stable/notes/serialization.html), and plain
 pickles that hold tensors.
 """
 

@@ -261,7 +261,8 @@ class NullSpace:
     constraint to first order, plus the shortest step that restores it, -c M^-1 h / (h' M^-1 h). ``length``: of the
     first step and ``reach`` of the longest, in the root of the metric's square; ``restore``: of the longest restoring
     one. A step that raised the loss is taken back and both its parts are tried at a third of their length; one that
-    lowered it lets the next be longer by ``growth``. ``tolerance``: relative decrease under which the program is settled.
+    lowered it lets the next be longer by ``growth``. ``tolerance``: relative decrease under which the program is
+    settled.
     """
 
     length: float = 3.0

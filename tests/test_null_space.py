@@ -96,8 +96,10 @@ def test_a_step_that_raised_the_loss_is_taken_back() -> None:
     again, after = stepper.step(start.moved(moved), replace(good, value=good.value + 1), state)
     assert after.length == pytest.approx(0.1)
     assert again - start.params == pytest.approx((moved - start.params) / 3)
-    assert stepper.best(moved, good.value + 1, state) == (pytest.approx(start.params), good.value)
-    assert stepper.best(moved, good.value - 1, state) == (pytest.approx(moved), good.value - 1)
+    for value, expected in ((good.value + 1, (start.params, good.value)), (good.value - 1, (moved, good.value - 1))):
+        params, least = stepper.best(moved, value, state)
+        assert params == pytest.approx(expected[0])
+        assert least == expected[1]
 
 
 def test_a_constraint_that_nothing_moves_is_left() -> None:
