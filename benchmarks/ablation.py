@@ -3,8 +3,9 @@
     python benchmarks/ablation.py [--shapes 2] [--hard 4] [--seconds 5] [--work out/ablation] [--out docs/results]
 
 Shapes of our own three sets, and harder ones of about 40 primitives, from the diamond, in the paper's raster. Every fit
-is kept in --work and not done again. Writes ablation.json, ablation.md, ablation_evaluations.svg and ablation_time.svg.
-An evaluation is one raster of the whole canvas or one trial of a rewrite, which takes at most four steps in a small window.
+is kept in --work and not done again. Writes ablation.json, ablation.md, ablation_evaluations.svg and
+ablation_time.svg. An evaluation is one raster of the whole canvas or one trial of a rewrite, which takes at most four
+steps in a small window.
 """
 
 from __future__ import annotations
@@ -317,9 +318,9 @@ def main() -> None:
     lines = [
         "# What each change buys", "",
         f"`python benchmarks/ablation.py --shapes {given.shapes} --hard {given.hard} --seconds {given.seconds:g}`:"
-        f" {len(wanted)} shapes of our own, {given.hard} of them of about 40 primitives, from the diamond, in the paper's"
-        f" 256x256 raster, at most {given.seconds:g} s each on one core of a busy machine; dB counted up to 120. *Exact*: at"
-        " least 80 dB with no more primitives than the truth.",
+        f" {len(wanted)} shapes of our own, {given.hard} of them of about 40 primitives, from the diamond, in the"
+        f" paper's 256x256 raster, at most {given.seconds:g} s each on one core of a busy machine; dB up to 120."
+        " *Exact*: at least 80 dB with no more primitives than the truth.",
         "", *HEAD, *(row(name, CHANGES[name][0], found) for name, found in runs.items()), "",
         f"With noise of {given.noise:g} on every pixel, dB against the clean picture:", "", *HEAD,
         *(row(name, "", found) for name, found in noisy.items()), "",
