@@ -34,7 +34,7 @@ def export(
         Path,
         typer.Argument(
             metavar="PROGRAM",
-            help="A program file, or a .dxf or .svg drawing. or a .dxf or .svg drawing.",
+            help="A program file, or a .dxf or .svg drawing.",
             show_default=False,
         ),
     ],
@@ -105,10 +105,12 @@ def export(
         from d4cad.programs import load_program
 
         found = load_program(program)
+        if "drawing" in found.settings and not (scale is None and dpi is None):
+            raise D4cadError(f"{program} is a drawing, which has no pixels: give --width in place of --scale or --dpi")
         placement = found.placement(width, scale, dpi, origin, thickness)
         if list_loops:
             typer.echo(forms.loops_text(placement.place(found.outline, found.canvas), as_json=as_json))
             return
         notes = () if kerf is None else losses(placement.place(found.outline, found.canvas), kerf)
         write(found, placement, outputs, None, options)
-        report(found, placement, outputs, None, quiet=quiet, as_json=as_json, notes=notes)
+        report(found, placement, outputs, None, quiet=quiet, as_json=as_json, notes=notes, form=form)
