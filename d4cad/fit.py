@@ -68,7 +68,12 @@ class Fit:
     @property
     def counted(self) -> str | None:
         """What the grammar counts, such as "rectangle"; None where the outline's edges count."""
-        return entry(self.grammar.name).counted
+        return entry(self.language).counted
+
+    @property
+    def language(self) -> str:
+        """The name by which the grammar was asked for: its own, or MODULE:OBJECT."""
+        return str(self.settings.get("grammar", self.grammar.name))
 
     @property
     def primitives(self) -> int:
@@ -197,7 +202,7 @@ class Fit:
         )
         loops = self.outline if sketch is None else sketch
         return io.ProgramFile(
-            grammar=self.grammar.name,
+            grammar=self.language,
             structure=self.grammar.encode(self.program.structure),
             params=tuple(self.program.params.tolist()),
             canvas=self.canvas,

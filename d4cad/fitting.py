@@ -218,6 +218,7 @@ def fit_coverage(
             "max_time": max_time,
             "snap": snap,
             "floor": floor,
+            **({} if language.name == grammar else {"grammar": grammar}),
         },
         target=target,
         start_psnr=decibels(float(np.mean((language.rasterize(first, canvas).coverage - target) ** 2))),
@@ -325,7 +326,7 @@ def _start(init: str | PathLike[str] | Fit | None, grammar: str) -> str | Fit | 
     """The fit to go on from, or the name of a way to begin; None for the method's own."""
     if init is None or (isinstance(init, str) and init in STARTS):
         return init
-    start = init if isinstance(init, Fit) else load_program(init)
-    if start.grammar.name != grammar:
-        raise InputError(f"the program to start from is in the grammar {start.grammar.name}, expected {grammar}")
+    start = init if isinstance(init, Fit) else load_program(init, grammar)
+    if start.language != grammar:
+        raise InputError(f"the program to start from is in the grammar {start.language}, expected {grammar}")
     return start

@@ -38,8 +38,8 @@ WARM_UP, WARM_ROUNDS = 12, 3
 RADII = (2.4, 4.0, 6.0)
 """Filter radii in elements of the densities to start from for few primitives: a wider one has fewer bars."""
 
-FILLET_TRIES = 3
-"""Times that a part is designed with less material to make room for its fillets."""
+RESTORATIONS, EXACT = 8, 2e-4
+"""At most so many steps restore the volume of a finished outline, until it is right by this share of it."""
 
 Watch = Callable[[Record], None]
 
@@ -93,22 +93,15 @@ def design_beam(
     cpu = time.process_time()
     search = _Search.of(problem, grammar, seed, max_time, watch)
     found = search.best(init, simplify)
-    outline = part_outline(problem, search.domain, search.grammar.outline(found.program), fillet)
-    for _ in range(FILLET_TRIES if fillet is not None else 0):
-        excess = outline.area / problem.element**2 / search.domain.volume - 1
-        if excess < 5e-4 or found.stop in (Stop.INTERRUPTED, Stop.TIME):
-            break
-        search = search.with_volume(search.loss.domain.volume - excess * search.domain.volume)
-        found = search.improved(found.program, 0.0)
-        outline = part_outline(problem, search.domain, search.grammar.outline(found.program), fillet)
-    density = search.loss.density(search.grammar.rasterize(found.program, search.domain.canvas))
+    program = search.restored(found.program, fillet)
+    density = search.loss.density(search.grammar.rasterize(program, search.domain.canvas))
     return Beam(
         problem=problem,
         domain=search.domain,
-        program=found.program,
+        program=program,
         canvas=search.domain.canvas,
         grammar=search.grammar,
-        outline=outline,
+        outline=search.outline(program, fillet),
         compliance=search.loss.response(density).compliance,
         history=tuple(search.history),
         stop=found.stop,
@@ -199,6 +192,29 @@ class _Search:
                 break
             best, price = there, 2 * price
         return best
+
+    def outline(self, program: Program[Any], fillet: float | None = None) -> Sketch:
+        """The part in mm that a program is."""
+        return part_outline(self.problem, self.domain, self.grammar.outline(program), fillet)
+
+    def restored(self, program: Program[Any], fillet: float | None) -> Program[Any]:
+        """The program with its whole boundary moved until the finished outline has the problem's volume.
+
+        At an optimum material is worth the same all along the boundary: it does not matter where it goes.
+        """
+        volume, nearest, least = self.domain.volume, program, inf
+        for _ in range(RESTORATIONS):
+            excess = self.outline(program, fillet).area / self.problem.element**2 - volume
+            if abs(excess) < least:
+                nearest, least = program, abs(excess)
+            if least <= EXACT * volume:
+                break
+            here = self.loss.evaluate(self.grammar.rasterize(program, self.domain.canvas))
+            assert here.constraint is not None
+            here = replace(here, constraint=replace(here.constraint, residual=excess))
+            moved = program.moved(program.params + NullSpace().restoring(here))
+            program = self.grammar.repair(moved).program
+        return nearest
 
     def improved(self, program: Program[Any], price: float, rounds: int = ROUNDS) -> Descent[Any]:
         """A descent at a price of a primitive, a share of the loss at ``program``."""

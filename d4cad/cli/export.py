@@ -20,6 +20,7 @@ from d4cad.cli.options import (
     Quiet,
     Scale,
     Schema,
+    ScriptGrammar,
     Style,
     Thickness,
     Tolerance,
@@ -66,6 +67,7 @@ def export(
     shell: forms.ShellOption = None,
     open_side: forms.Open = None,
     list_loops: forms.ListLoops = False,
+    grammar: ScriptGrammar = None,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -104,7 +106,7 @@ def export(
         check_outputs(outputs, None, None, options)
         from d4cad.programs import load_program
 
-        found = load_program(program)
+        found = load_program(program, grammar)
         if "drawing" in found.settings and not (scale is None and dpi is None):
             raise D4cadError(f"{program} is a drawing, which has no pixels: give --width in place of --scale or --dpi")
         placement = found.placement(width, scale, dpi, origin, thickness)
