@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 
 from d4cad.exporters.source.layout import (
+    COLUMNS,
     INDENT,
     Group,
     Node,
@@ -115,7 +116,10 @@ def _made(contour: Contour, plan: Plan) -> list[str]:
         return [*lines, *laid(face, before=f"{contour.name} = ")]
     angle = [f"rotation={contour.names['angle']}"] if "angle" in contour.names else []
     shape = _primitive(contour.feature, contour.names, angle)
-    return laid(shape, before=f"{contour.name} = Pos({center(contour.names)}) * ")
+    place = call("Pos", center(contour.names))
+    if len(f"{contour.name} = {place} * {shape.head}") <= COLUMNS:
+        return laid(shape, before=f"{contour.name} = {place} * ")
+    return laid(place, before=f"{contour.name} = ", after=f" * {shape}")
 
 
 # Edges of both modes
