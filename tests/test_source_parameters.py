@@ -206,6 +206,8 @@ def test_names() -> None:
     assert "at(left + corner_radius, top - corner_radius)" in text  # the hole about the fillet
     assert "    # 4 horizontal, 5 vertical, 6 tangent and 1 equal radius\n" in text
     assert "\n# outer 1 and hole 5: concentric\n" in text
+    assert "def middle(" not in text
+    assert "def middle(" in source(frame(), thickness=3.0)
     assert "\nlength = 15.0  # of the sides at y_2 and top\ndistance = 12.0  # from bottom to y_2\n" in source(
         frame(), thickness=3.0
     )

@@ -14,10 +14,11 @@ from d4cad.exporters.source.layout import (
     assignments,
     call,
     center,
+    functions,
     laid,
+    middle,
     opening,
     point,
-    point_function,
     scaled,
 )
 from d4cad.exporters.source.parameters import Names
@@ -72,7 +73,7 @@ def _module(plan: Plan, name: str, body: Sequence[str]) -> str:
     imports = laid(Group("", tuple(used), ""), before="from build123d import ")
     if len(imports) > 1:
         imports = ["from build123d import (", *(f"{INDENT}{each}," for each in used), ")"]
-    return "\n".join([*opening(plan, name, HOW), *imports, "", *assignments(plan), *point_function(), *body, ""])
+    return "\n".join([*opening(plan, name, HOW), *imports, "", *assignments(plan), *functions(plan), *body, ""])
 
 
 # Builder mode
@@ -147,4 +148,4 @@ def _edge(piece: Piece, start: Node, end: Node, plan: Plan) -> Group:
         return call("Polyline" if between else "Line", start, *between, end)
     if piece.radius is not None:  # build123d's sign: > 0 is clockwise
         return call("RadiusArc", start, end, scaled(plan.radius(piece, sign=-1)))
-    return call("ThreePointArc", start, point(piece.middle, plan), end)
+    return call("ThreePointArc", start, middle(piece, plan), end)
