@@ -1,7 +1,7 @@
 """Exported unions of rectangles and of leaves: valid in build123d and CadQuery, and as large as their rasters?
 
-`python benchmarks/unions.py DATA [--limit N]` fits the first N shapes of each set in the folder DATA with UR-F and Tr-F,
-method fast, from the axiom in the paper's raster, and measures the exported faces.
+`python benchmarks/unions.py DATA [--limit N]` fits the first N shapes of each set in the folder DATA with UR-F and
+Tr-F, method fast, from the axiom in the paper's raster, and measures the exported faces.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ def main() -> None:
             off = np.abs([row[f"{library} area"] for row in rows])
             valid = sum(row[library] for row in rows)
             print(
-                f"{grammar}, {library}: {valid} of {len(rows)} valid; area off by {100 * np.median(off):.4f} % (median), "
-                f"{100 * off.max():.4f} % (most), {int((off <= ALLOWED).sum())} of {len(rows)} within 0.1 %"
+                f"{grammar}, {library}: {valid} of {len(rows)} valid; area off by {100 * np.median(off):.4f} % "
+                f"(median), {100 * off.max():.4f} % (most), {int((off <= ALLOWED).sum())} of {len(rows)} within 0.1 %"
             )
         print(f"{grammar}: {time.perf_counter() - started:.0f} s")
 
