@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from math import pi
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,9 @@ from d4cad.sketch import Face, Sketch
 
 EXACT = 1e-6
 """Largest relative error of a volume."""
+
+NEAR = 1e-3
+"""Share of its radius by which a circle may miss the axis and still be read back as if it reached it."""
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 
@@ -64,7 +68,11 @@ def swept_volume(sketch: Sketch, angle: float) -> float:
 
 
 def revolved(sketch: Sketch, revolve: Revolve) -> list[Any]:
-    """Valid TopoDS_Solids about the z axis. Raises as :func:`profile`, ExportError if the kernel fails."""
+    """Valid TopoDS_Solids about the z axis. Raises as :func:`profile`, ExportError if the kernel fails.
+
+    Where an arc's circle reaches the axis its torus crosses itself, and no reader of STEP finds the place of a seam on
+    it: such a solid's faces turn by half a turn at most.
+    """
     half = profile(sketch, revolve)
     gp, location = import_module("OCP.gp"), import_module("OCP.TopLoc").TopLoc_Location
     upright = gp.gp_Trsf()
@@ -77,6 +85,8 @@ def revolved(sketch: Sketch, revolve: Revolve) -> list[Any]:
             for face in faces(half)
             for solid in explored(sweep(face.Moved(location(upright)), axis, revolve.angle).Shape(), "SOLID")
         ]
+        if any(map(_makes_horn, half.loops)):
+            found = [_divided(solid) for solid in found]
         wanted = swept_volume(half, revolve.angle)
         if not (found and is_valid(compound(found)) and abs(sum(map(volume, found)) - wanted) <= EXACT * wanted):
             raise ExportError(
@@ -84,3 +94,23 @@ def revolved(sketch: Sketch, revolve: Revolve) -> list[Any]:
                 " a straight edge on the axis or a gap to it often works, arcs that end along the axis do not"
             )
     return found
+
+
+def _makes_horn(loop: Loop) -> bool:
+    """Whether an arc is part of a circle that touches or crosses the axis, and is not centred on it, as a sphere's is."""
+    b = np.array(loop.bulges)
+    if not b.any():
+        return False
+    start = np.array(loop.points)
+    step, middle = np.roll(start, -1, axis=0) - start, (np.roll(start, -1, axis=0) + start) / 2
+    arcs = b != 0
+    center = middle[arcs, 0] - (1 - b[arcs] ** 2) / (4 * b[arcs]) * step[arcs, 1]
+    radius = np.hypot(*step[arcs].T) * (1 + b[arcs] ** 2) / (4 * np.abs(b[arcs]))
+    return bool(np.any((np.abs(center) > CONFUSION) & (np.abs(center) <= radius * (1 + NEAR) + CONFUSION)))
+
+
+def _divided(solid: Any) -> Any:
+    divider = import_module("OCP.ShapeUpgrade").ShapeUpgrade_ShapeDivideAngle(pi, solid)
+    divider.Perform()
+    (half_turns,) = explored(divider.Result(), "SOLID")
+    return half_turns

@@ -124,5 +124,7 @@ class ComplianceLoss:
         density = self.density(band)
         energy = self.response(density).energy * density
         worth = self.exponent * energy.sum() / self.domain.volume
+        if worth == 0:  # no material at all: nowhere to make a hole
+            return np.zeros(band.shape)
         gain = np.where(density > 0.99, np.clip(3 * energy / worth - 1, -1, 0), 0.0)
         return np.asarray(self.domain.folded(gain) / 2 ** sum(self.domain.mirrored))
