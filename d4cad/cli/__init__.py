@@ -23,6 +23,7 @@ from d4cad.cli import (
     morph,
     simplify,
     tables,
+    targets,
 )
 
 app = typer.Typer(
@@ -65,6 +66,7 @@ for _command in (
     doctor.doctor,
     bench.bench,
     tables.tables,
+    targets.targets,
     morph.morph,
     grammars.grammars,
     grammar_report.grammar_report,
