@@ -41,7 +41,7 @@ class Stage:
     so many rounds of steps and rewrites. patience: rounds without a relative gain of ``tolerance`` before the stage
     ends. without: names of rules that are not used in it. growth: by so much the primitives may become more since the
     last stage without such a limit; a search that needs more goes back to where that ended, past all stages with a
-    limit.
+    limit. fallback: whether the stage is for a search that went back only.
     """
 
     ramp: float
@@ -51,6 +51,7 @@ class Stage:
     tolerance: float = 0.0
     without: frozenset[str] = frozenset()
     growth: float = inf
+    fallback: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +133,7 @@ def descend(
         try:
             free, exceeded = here, False
             for stage in method.stages:
-                if stage.growth < inf and exceeded:
+                if stage.fallback is not exceeded and (stage.fallback or stage.growth < inf):
                     continue
                 search.enter(stage)
                 best, quiet, stop = replace(here, total=inf), 0, Stop.ROUNDS
