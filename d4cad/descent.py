@@ -133,7 +133,7 @@ def descend(
     # on more threads small matrices are slower, and round as their number has it
     with postponed() as search.interrupts, threadpool_limits(limits=1):
         try:
-            free, exceeded = here, False
+            free, allowance, exceeded = here, inf, False
             for stage in method.stages:
                 if stage.fallback is not exceeded and (stage.fallback or stage.growth < inf):
                     continue
@@ -152,12 +152,14 @@ def descend(
                     if quiet > stage.patience:
                         stop = Stop.PATIENCE if stage.patience else Stop.STALLED
                         break
+                    if search.pays(here, free, allowance / 2):
+                        free = here
                     exceeded = grammar.primitives(here.program) > 1.1 * grammar.primitives(free.program) + stage.growth
                     if exceeded:
                         here = best = search.priced(free)
                         break
                 if stage.growth == inf:
-                    free = here
+                    free, allowance = here, stage.price
         except KeyboardInterrupt:
             stop = Stop.INTERRUPTED
         except OutOfTime:
@@ -207,6 +209,11 @@ class Search(Generic[S]):
         """Take on a stage's edge model and price."""
         self.stage = stage
         self.canvas = self.canvas.with_ramp(stage.ramp)
+
+    def pays(self, point: Point[S], other: Point[S], price: float) -> bool:
+        """Whether a point is better than another one at a given price."""
+        more = self.grammar.complexity(point.program) - self.grammar.complexity(other.program)
+        return point.loss + price * more < other.loss if more else point.loss < other.loss
 
     def priced(self, point: Point[S]) -> Point[S]:
         """A point of another stage, at this one's price."""

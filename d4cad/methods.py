@@ -92,7 +92,7 @@ def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
     last = Stage(canvas.ramp, prices[-1] / canvas.size, rounds=1000)
     if least > floor:
         pruned = replace(last, without=GROWING)
-        approximated = replace(pruned, price=APPROXIMATED / canvas.size, fallback=True)
+        approximated = replace(last, price=APPROXIMATED / canvas.size, without=GROWING | JOINTS, fallback=True)
         sharp += [replace(last, growth=GROWTH), approximated, pruned]
     elif canvas.ramp == AREA or floor > OPEN * canvas.size:
         sharp.append(last)
