@@ -41,7 +41,7 @@ class Stage:
     so many rounds of steps and rewrites. patience: rounds without a relative gain of ``tolerance`` before the stage
     ends. without: names of rules that are not used in it. growth: by so much the primitives may become more since the
     last stage without such a limit; a search that needs more goes back to where that ended, past all stages with a
-    limit. fallback: whether the stage is for a search that went back only.
+    limit. More that would have paid at half of that stage's price does not count. fallback: whether the stage is for a search that went back only.
     """
 
     ramp: float
@@ -133,7 +133,7 @@ def descend(
     # on more threads small matrices are slower, and round as their number has it
     with postponed() as search.interrupts, threadpool_limits(limits=1):
         try:
-            free, allowance, exceeded = here, inf, False
+            free, allowance, exceeded = here, method.stages[0].price, False
             for stage in method.stages:
                 if stage.fallback is not exceeded and (stage.fallback or stage.growth < inf):
                     continue
@@ -152,8 +152,8 @@ def descend(
                     if quiet > stage.patience:
                         stop = Stop.PATIENCE if stage.patience else Stop.STALLED
                         break
-                    if search.pays(here, free, allowance / 2):
-                        free = here
+                    if stage.growth < inf and search.pays(here, free, allowance / 2):
+                        free = here  # found late: a local estimate may show half of a gain
                     exceeded = grammar.primitives(here.program) > 1.1 * grammar.primitives(free.program) + stage.growth
                     if exceeded:
                         here = best = search.priced(free)
@@ -213,7 +213,7 @@ class Search(Generic[S]):
     def pays(self, point: Point[S], other: Point[S], price: float) -> bool:
         """Whether a point is better than another one at a given price."""
         more = self.grammar.complexity(point.program) - self.grammar.complexity(other.program)
-        return point.loss + price * more < other.loss if more else point.loss < other.loss
+        return point.loss + price * more < other.loss
 
     def priced(self, point: Point[S]) -> Point[S]:
         """A point of another stage, at this one's price."""

@@ -26,7 +26,8 @@ has."""
 OPEN = 2e-9
 """Price of a primitive for each pixel of the canvas under which a raster is exact to rounding in double precision."""
 APPROXIMATED = 0.5
-"""The same where lines and arcs can only come near to the shape: a tenth of a pixel along thirty pixels."""
+"""Gain in summed squared error that a primitive must have where lines and arcs can only come near to the shape: a tenth
+of a pixel along fifty pixels."""
 GROWTH = 2
 """So many primitives, and a tenth of all, may be added for gains less than visible: lines and arcs are found with few
 more, other curves would be approximated without end."""
