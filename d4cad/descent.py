@@ -41,7 +41,8 @@ class Stage:
     so many rounds of steps and rewrites. patience: rounds without a relative gain of ``tolerance`` before the stage
     ends. without: names of rules that are not used in it. growth: by so much the primitives may become more since the
     last stage without such a limit; a search that needs more goes back to where that ended, past all stages with a
-    limit. More that would have paid at half of that stage's price does not count. fallback: whether the stage is for a search that went back only.
+    limit. More that would have paid at half of that stage's price does not count. fallback: whether the stage is for a
+    search that went back only.
     """
 
     ramp: float

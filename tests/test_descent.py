@@ -16,8 +16,8 @@ from d4cad.bench import coverage
 from d4cad.canvas import AREA, Canvas
 from d4cad.descent import Descent, Method, Point, Record, Search, Stage, Stop, compatible, descend, sampled
 from d4cad.estimators import LocalFit, Stepped
-from d4cad.grammars.arc_line import ArcLine, Structure
 from d4cad.fitting import fit_coverage
+from d4cad.grammars.arc_line import ArcLine, Structure
 from d4cad.interrupts import postponed
 from d4cad.methods import fast
 from d4cad.objectives.image import ImageLoss
