@@ -34,6 +34,8 @@ SEEN = 0.01
 """Share of a parameter's greatest influence below which it is said to have none on a pixel."""
 ROUNDS = (3, 9)
 """Least and greatest number of rounds of up to three rewrites that make a random program."""
+CROWD = 60
+"""Primitives past which a random program grows no more."""
 EMPTY = 0.01
 """Share of the canvas that a random program covers at least."""
 SAME = 1e-9
@@ -98,6 +100,8 @@ class Laboratory:
         picture = target.rasterize(target.drawn(generate(rng, 12).loops), self.canvas).coverage
         program = grammar.repair(grammar.axiom(self.canvas)).program
         for _ in range(int(rng.integers(*ROUNDS, endpoint=True))):
+            if grammar.primitives(program) > CROWD:
+                break
             chosen, taken = list[Rewrite](), set[int]()
             offered = grammar.rewrites(program, picture - self.coverage(program), self.canvas, rng)
             for _ in range(3):

@@ -30,7 +30,6 @@ HEAD = (
 INK, ONCE, FITTED, DOT = "#1c2733", "#1d5fa8", "#a9c4e4", "#d1495b"
 WRITTEN_ON = 0.3
 """Share from which a dark bar lies behind the name in it."""
-BELOW: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.16), "frameon": False, "ncols": 2}
 LEAST_JUMP = 1e-4
 """px2 below which a picture shows a jump as none."""
 
@@ -147,7 +146,11 @@ def _draw(report: Report, path: Path) -> None:
     back.set_xlim(0, 100)
     back.set_xlabel(f"% led back by one rewrite ({STEPS} steps)")
     back.set_title("reversibility")
-    back.legend(fontsize=6.5, **BELOW)
+    below: dict[str, Any] = {
+        "loc": "upper center", "bbox_to_anchor": (0.5, -0.38 / (1.2 + 0.24 * len(names))), "frameon": False,
+        "ncols": 2, "fontsize": 6.5,
+    }  # fmt: skip
+    back.legend(**below)
     for place, found in zip(places, report.rules, strict=True):
         shown = [max(value, LEAST_JUMP) for value in found.jumps]
         jump.plot(shown, _scattered(place, len(shown)), ".", color=DOT, markersize=3, alpha=0.5)
@@ -168,7 +171,7 @@ def _draw(report: Report, path: Path) -> None:
     reach.set_xlim(-2, 102)
     reach.set_xlabel("% of the boundary within reach")
     reach.set_title("local control")
-    reach.legend(fontsize=6.5, **BELOW)
+    reach.legend(**below)
     changes = sorted(report.repairs.changes)
     repair.step(changes, [100 * (k + 1) / len(changes) for k in range(len(changes))], color=ONCE, where="post")
     repair.set_ylim(0, 100)

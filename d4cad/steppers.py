@@ -312,8 +312,10 @@ class NullSpace:
             raise ValueError("a null space step needs a metric and a constraint")
         metric = np.array(here.curvature)
         diagonal = np.diagonal(metric).copy()
-        np.fill_diagonal(metric, diagonal * (1 + self.damping) + 0.01 * diagonal.mean())
         h = here.constraint.gradient
+        if not diagonal.any():  # nothing moves anything: a part that has left its canvas
+            return metric, np.zeros_like(h), np.zeros_like(h)
+        np.fill_diagonal(metric, diagonal * (1 + self.damping) + 0.01 * diagonal.mean())
         _, both, failed = dposv(metric, np.stack([here.gradient, h], axis=1))
         if failed:
             raise ValueError("the metric of a null space step is not positive definite")

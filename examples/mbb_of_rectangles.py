@@ -19,7 +19,7 @@ from d4cad.beams.report import carried, report, text
 from d4cad.beams.saving import save
 
 
-def main(out: Path, element: float = 1.0) -> dict[str, Any]:
+def main(out: Path, element: float = 3.0) -> dict[str, Any]:
     """Writes mbb.step, .json and .png to ``out``; returns the report's facts and the bars of the half that the other
     half mirrors: length and width in mm, and degrees from the x axis. element: mm.
     """

@@ -109,6 +109,13 @@ def test_a_constraint_that_nothing_moves_is_left() -> None:
     assert moved * sqrt(1.01) == pytest.approx([-2, 0])
 
 
+def test_a_part_that_nothing_moves_stays() -> None:
+    """As when it has left its canvas: no parameter changes the raster."""
+    nothing = Evaluation(1.0, np.zeros(2), np.zeros((2, 2)), Constraint(-5.0, np.zeros(2)))
+    moved, _ = NullSpace().step(Program((), np.ones(2)), nothing, Flow(2.0))
+    assert moved.tolist() == [1, 1]
+
+
 def test_settled_where_steps_gain_nothing() -> None:
     stepper = NullSpace()
     here = Program((), MIDDLE)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from importlib import import_module
 from importlib.util import find_spec
-from math import pi, tan
+from math import cos, hypot, pi, sin, tan
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +106,37 @@ def frame() -> Sketch:
     )
 
 
-SKETCHES: dict[str, Callable[[], Sketch]] = {"plate": plate, "frame": frame}
+def flange() -> Sketch:
+    """A disc with five holes evenly about its centre, one of which has a boss with a bore in it."""
+    turns = [2 * pi * k / 5 + pi / 2 for k in range(5)]
+    holes = [Circle((30 + 20 * cos(turn), 25 + 20 * sin(turn)), 3.0).loop() for turn in turns]
+    return related(
+        [Circle((30.0, 25.0), 28.0).loop(), *holes, Circle((30.0, 25.0), 8.0).loop(), Circle((30.0, 45.0), 1.0).loop()],
+        [
+            Relation("polar", tuple((k, 0) for k in range(1, 6))),
+            *pairs("equal_radius", *(((k, 0), (k + 1, 0)) for k in range(1, 5))),
+            *pairs("concentric", ((0, 0), (6, 0)), ((1, 0), (7, 0))),
+            *pairs("horizontal", ((2, 0), (5, 0)), ((3, 0), (4, 0))),
+        ],
+    )
+
+
+def tab() -> Sketch:
+    """A tab with a round end and a hole about it; a corner is cut out by a circle about it."""
+    outline = Loop(((0, 0), (20, 0), (20, 12), (4, 12), (0, 8)), (0, 1, 0, -Q, 0))
+    return related(
+        [outline, Circle((20.0, 6.0), 2.0).loop()],
+        [
+            *each("horizontal", 0, 2),
+            *each("vertical", 4),
+            *pairs("tangent", ((0, 0), (0, 1)), ((0, 1), (0, 2))),
+            *pairs("concentric", ((0, 1), (1, 0))),
+            Relation("radius", ((0, 1),), 6.0),
+        ],
+    )
+
+
+SKETCHES: dict[str, Callable[[], Sketch]] = {"plate": plate, "frame": frame, "flange": flange, "tab": tab}
 
 
 def assigned(text: str) -> list[str]:
@@ -176,6 +206,8 @@ def test_names() -> None:
     assert "at(left + corner_radius, top - corner_radius)" in text  # the hole about the fillet
     assert "    # 4 horizontal, 5 vertical, 6 tangent and 1 equal radius\n" in text
     assert "\n# outer 1 and hole 5: concentric\n" in text
+    assert "def middle(" not in text
+    assert "def middle(" in source(frame(), thickness=3.0)
     assert "\nlength = 15.0  # of the sides at y_2 and top\ndistance = 12.0  # from bottom to y_2\n" in source(
         frame(), thickness=3.0
     )
@@ -222,6 +254,38 @@ def test_a_length_and_a_distance(dialect: str, tmp_path: Path) -> None:
     shorter = area(changed(text, {"length": 14}), dialect, tmp_path)  # both sides; the round one follows with its sweep
     outline = ((0, 0), (40, 0), (40, 12), (26, 12), (26, 30), (12, 30)), (0, 0, 0, 0, 0, 0.25)
     assert shorter == pytest.approx(Loop(*outline).area + frame().loops[1].area, rel=1e-9)
+
+
+def places(text: str) -> list[tuple[float, float]]:
+    """The centres of circles in an OpenSCAD script."""
+    known: dict[str, Any] = {}
+    for name, formula in re.findall(r"^(\w+) = (.*?);", text, flags=re.MULTILINE):
+        known[name] = eval(formula, {}, known)
+    return [eval(place, {}, known) for place in re.findall(r"translate\((.*?)\)\n", text)]
+
+
+def test_a_bolt_circle() -> None:
+    text = source(flange(), dialect="openscad", thickness=3.0)
+    assert {"bolt_circle_x", "bolt_circle_y", "bolt_circle_radius"} <= set(assigned(text))
+    assert not re.search(r"^(hole|outer)_\d_center", text, flags=re.MULTILINE)
+    wide = changed(text, {"bolt_circle_radius": 21, "bolt_circle_x": 40})
+    for script, x, radius in ((text, 30, 20), (wide, 40, 21)):
+        found = sorted(round(hypot(px - x, py - 25), 7) for px, py in places(script))
+        assert found == [0, 0, *[radius] * 6]
+    assert text.count("[bolt_circle_x, bolt_circle_y + bolt_circle_radius]") == 2  # the hole above, and the boss in it
+
+
+@dialects(DIALECTS)
+def test_a_round_end(dialect: str, tmp_path: Path) -> None:
+    text = source(tab(), dialect=dialect, thickness=3.0)
+    assert "top = bottom + 2 * end_radius" in text
+    if dialect == "openscad":
+        assert places(changed(text, {"end_radius": 7})) == [pytest.approx([20, 7])]
+    more = 20 * 2 + pi / 2 * (7**2 - 6**2)
+    assert area(changed(text, {"end_radius": 7}), dialect, tmp_path) == pytest.approx(tab().area + more, rel=1e-9)
+    assert area(changed(text, {"x_1": 23}), dialect, tmp_path) == pytest.approx(tab().area + 3 * 12, rel=1e-9)
+    cut = -pi / 4 * (5**2 - 4**2)
+    assert area(changed(text, {"arc_radius": 5}), dialect, tmp_path) == pytest.approx(tab().area + cut, rel=1e-9)
 
 
 @pytest.mark.skipif(find_spec("cadquery") is None, reason="needs cadquery")

@@ -23,6 +23,7 @@ from d4cad.objectives.compliance import ComplianceLoss
 from d4cad.objectives.domain import Domain
 from d4cad.program import Program
 from d4cad.protocols import Grammar
+from d4cad.raster.band import Band
 from d4cad.sketch import Sketch
 from d4cad.steppers import NullSpace
 
@@ -37,6 +38,9 @@ WARM_UP, WARM_ROUNDS = 12, 3
 
 RADII = (2.4, 4.0, 6.0)
 """Filter radii in elements of the densities to start from for few primitives: a wider one has fewer bars."""
+
+APART = 10.0
+"""A start whose loss is so many times that of a design has come apart: its filter was too wide for the grid."""
 
 RESTORATIONS, EXACT = 8, 2e-4
 """At most so many steps restore the volume of a finished outline, until it is right by this share of it."""
@@ -94,7 +98,7 @@ def design_beam(
     search = _Search.of(problem, grammar, seed, max_time, watch)
     found = search.best(init, simplify)
     program = search.restored(found.program, fillet)
-    density = search.loss.density(search.grammar.rasterize(program, search.domain.canvas))
+    density = search.loss.density(search.raster(program))
     return Beam(
         problem=problem,
         domain=search.domain,
@@ -156,12 +160,15 @@ class _Search:
         if init == "axiom":
             found = [self.warmed(whole_domain(self.grammar, self.domain))]
         else:
-            found = [self.from_density(RADII[0])]
+            found = [self.improved(self.density_start(RADII[0]), PRICE)]
         if simplify is None:
             return found[0]
         allowed = found[0].loss * (1 + simplify)
-        if init == "density":
-            found += [self.from_density(radius) for radius in RADII[1:] if self.has_time]
+        for radius in RADII[1:] if init == "density" else ():
+            if self.has_time:
+                start = self.density_start(radius)
+                if self.loss.value(self.raster(start)) < APART * found[0].loss:
+                    found.append(self.improved(start, PRICE))
         simple = [self.simplified(descent, allowed) for descent in found if descent.loss <= allowed]
         return min(simple, key=lambda descent: (self.grammar.complexity(descent.program), descent.loss))
 
@@ -170,11 +177,16 @@ class _Search:
         """Whether there is time left for another start."""
         return time.perf_counter() < self.deadline
 
-    def from_density(self, radius: float) -> Descent[Any]:
-        """The descent from the contour of a density with that filter radius, in elements."""
+    def raster(self, program: Program[Any]) -> Band:
+        """The program on the domain's canvas."""
+        band: Band = self.grammar.rasterize(program, self.domain.canvas)
+        return band
+
+    def density_start(self, radius: float) -> Program[Any]:
+        """The contour of a density with that filter radius, in elements."""
         density = optimised_density(self.domain, Schedule(radius=radius))
-        program = self.grammar.repair(density_program(self.grammar, self.domain, density)).program
-        return self.improved(program, PRICE)
+        program: Program[Any] = self.grammar.repair(density_program(self.grammar, self.domain, density)).program
+        return program
 
     def warmed(self, program: Program[Any]) -> Descent[Any]:
         """The descent from a program of the whole domain, its volume shrinking step by step."""
@@ -209,7 +221,7 @@ class _Search:
                 nearest, least = program, abs(excess)
             if least <= EXACT * volume:
                 break
-            here = self.loss.evaluate(self.grammar.rasterize(program, self.domain.canvas))
+            here = self.loss.evaluate(self.raster(program))
             assert here.constraint is not None
             here = replace(here, constraint=replace(here.constraint, residual=excess))
             moved = program.moved(program.params + NullSpace().restoring(here))

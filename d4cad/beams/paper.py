@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from d4cad.beams.connection import require_carried
 from d4cad.beams.design import Beam, Watch
 from d4cad.beams.outline import part_outline
 from d4cad.beams.problem import Load, Place, Problem, Support
@@ -21,7 +22,7 @@ from d4cad.objectives.paper_compliance import REACH, WEAK, Controller, PaperComp
 from d4cad.program import Program
 from d4cad.raster.band import Band
 from d4cad.registry import make_grammar
-from d4cad.sketch import Loop
+from d4cad.sketch import Loop, Sketch
 from d4cad.steppers import ClippedGradient
 
 SIDE = 64
@@ -65,6 +66,15 @@ def _merit(loss: PaperCompliance, band: Band, volume: float) -> float:
     return float(loss.elastic.solve(WEAK + (1 - WEAK) * filled**2).compliance * (1 + EXCESS * excess * excess))
 
 
+def _carries(problem: Problem, outline: Sketch) -> bool:
+    """Whether each load is held through the part."""
+    try:
+        require_carried(problem, outline)
+    except InputError:
+        return False
+    return True
+
+
 def paper_beam(
     name: str, *, seed: int = 0, steps: int = STEPS, max_time: float | None = None, watch: Watch | None = None
 ) -> Beam:
@@ -98,7 +108,7 @@ def paper_beam(
         nonlocal kept, least
         history.append(record)
         merit = _merit(loss, grammar.rasterize(program, canvas), setup.volume / 2)
-        if merit <= least:
+        if merit <= least and _carries(problem, part_outline(problem, domain, grammar.outline(program))):
             kept, least = program, merit
         if watch is not None:
             watch(record)

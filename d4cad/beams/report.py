@@ -16,6 +16,9 @@ from d4cad.booleans import difference, intersection
 from d4cad.errors import InputError
 from d4cad.summary import census
 
+ALARM = 1.25
+"""Compliance of the finished part over that of the soft density which the search saw, from which on it is told."""
+
 
 def report(beam: Beam, fine: Analysis, *, simp: bool = False, files: Sequence[Path] = ()) -> dict[str, Any]:
     """Facts as JSON values; mm, N, MPa and CPU seconds.
@@ -31,6 +34,11 @@ def report(beam: Beam, fine: Analysis, *, simp: bool = False, files: Sequence[Pa
     except InputError:
         compliance = None
         notes.append("on the design's grid the part does not carry the load: its members are thinner than elements")
+    if fine.compliance > ALARM * beam.compliance:
+        notes.append(
+            f"the part gives way {fine.compliance / beam.compliance:.2g} times as far as the search saw: slits or "
+            "members narrower than an element; a smaller element sees them"
+        )
     notes += [f"{place} must be solid but touches nothing that carries the load: left out" for place in _lost(beam)]
     area = float(problem.domain(4).inside.sum()) * fine.side**2
     stress, (x, y) = peak_stress(fine)

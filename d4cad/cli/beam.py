@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -151,7 +152,7 @@ def _share(text: str) -> float:
     return value
 
 
-def _check_fixed(asked: dict[str, object]) -> None:
+def _check_fixed(asked: Mapping[str, object]) -> None:
     """Refuses what a published set-up leaves no choice of."""
     for name, value in asked.items():
         if value is not None:

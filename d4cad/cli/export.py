@@ -112,6 +112,8 @@ def export(
         from d4cad.programs import load_program
 
         found = load_program(program, grammar)
+        if "drawing" in found.settings and not (scale is None and dpi is None):
+            raise D4cadError(f"{program} is a drawing, which has no pixels: give --width in place of --scale or --dpi")
         placement = found.placement(width, scale, dpi, origin, thickness)
         pieces.require(found.language, branches, separate=separate, outputs=outputs, options=options)
         found = pieces.drawn(found, placement, branches, separate=separate)
@@ -120,4 +122,4 @@ def export(
             return
         notes = () if kerf is None else losses(placement.place(found.outline, found.canvas), kerf)
         write(found, placement, outputs, None, options)
-        report(found, placement, outputs, None, quiet=quiet, as_json=as_json, notes=notes)
+        report(found, placement, outputs, None, quiet=quiet, as_json=as_json, notes=notes, form=form)

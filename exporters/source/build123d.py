@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 
 from d4cad.exporters.source.layout import (
+    COLUMNS,
     INDENT,
     Group,
     Node,
@@ -13,10 +14,11 @@ from d4cad.exporters.source.layout import (
     assignments,
     call,
     center,
+    functions,
     laid,
+    middle,
     opening,
     point,
-    point_function,
     scaled,
 )
 from d4cad.exporters.source.parameters import Names
@@ -71,7 +73,7 @@ def _module(plan: Plan, name: str, body: Sequence[str]) -> str:
     imports = laid(Group("", tuple(used), ""), before="from build123d import ")
     if len(imports) > 1:
         imports = ["from build123d import (", *(f"{INDENT}{each}," for each in used), ")"]
-    return "\n".join([*opening(plan, name, HOW), *imports, "", *assignments(plan), *point_function(), *body, ""])
+    return "\n".join([*opening(plan, name, HOW), *imports, "", *assignments(plan), *functions(plan), *body, ""])
 
 
 # Builder mode
@@ -115,7 +117,10 @@ def _made(contour: Contour, plan: Plan) -> list[str]:
         return [*lines, *laid(face, before=f"{contour.name} = ")]
     angle = [f"rotation={contour.names['angle']}"] if "angle" in contour.names else []
     shape = _primitive(contour.feature, contour.names, angle)
-    return laid(shape, before=f"{contour.name} = Pos({center(contour.names)}) * ")
+    place = call("Pos", center(contour.names))
+    if len(f"{contour.name} = {place} * {shape.head}") <= COLUMNS:
+        return laid(shape, before=f"{contour.name} = {place} * ")
+    return laid(place, before=f"{contour.name} = ", after=f" * {shape}")
 
 
 # Edges of both modes
@@ -143,4 +148,4 @@ def _edge(piece: Piece, start: Node, end: Node, plan: Plan) -> Group:
         return call("Polyline" if between else "Line", start, *between, end)
     if piece.radius is not None:  # build123d's sign: > 0 is clockwise
         return call("RadiusArc", start, end, scaled(plan.radius(piece, sign=-1)))
-    return call("ThreePointArc", start, point(piece.middle, plan), end)
+    return call("ThreePointArc", start, middle(piece, plan), end)

@@ -16,10 +16,11 @@ from d4cad.exporters.source.layout import (
     center,
     chained,
     computed,
+    functions,
     laid,
+    middle,
     opening,
     point,
-    point_function,
     scaled,
 )
 from d4cad.exporters.source.plan import Contour, Family, Piece, Plan
@@ -45,7 +46,7 @@ def source(plan: Plan, name: str) -> str:
         f"{INDENT}show_object(result)  # noqa: F821",
         "",
     ]
-    head = [*opening(plan, name, HOW), "import cadquery as cq", "", *assignments(plan), *point_function()]
+    head = [*opening(plan, name, HOW), "import cadquery as cq", "", *assignments(plan), *functions(plan)]
     return "\n".join([*head, *lines])
 
 
@@ -90,7 +91,7 @@ def _edges(piece: Piece, start: Sequence[Node], plan: Plan, *, last: bool) -> li
     if piece.center is not None:  # a quarter, told by its centre, radius, first angle and sweep
         return [call("arc", computed(piece.center, plan), scaled(piece.radius_name), *_angles(piece))]
     if piece.middle is not None:
-        return [call("arc", *start, point(piece.middle, plan), *points)]
+        return [call("arc", *start, middle(piece, plan), *points)]
     segments = [call("segment", *(start if k == 0 else ()), end) for k, end in enumerate(points)]
     return [*segments[:-1], call("close")] if last else segments
 

@@ -78,9 +78,10 @@ class Drawing:
         """Whether its edges are written."""
         return loop in self.names and loop not in self.circles
 
-    def name(self, name: str, members: Sequence[Key], note: str = "") -> None:
-        """Makes the coordinates one parameter."""
-        self.values[name] = round(sum(map(self.at, members)) / len(members), self.decimals) + 0.0
+    def name(self, name: str, members: Sequence[Key], value: float | None = None, note: str = "") -> None:
+        """Makes the coordinates one parameter; its value is their mean unless given."""
+        mean = sum(map(self.at, members)) / len(members) if value is None else value
+        self.values[name] = round(mean, self.decimals) + 0.0
         self.notes[name] = note
         self.coordinates.append(name)
         for key in members:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from d4cad import __version__
 from d4cad.exporters.source.parameters import Parameter
 from d4cad.exporters.source.places import Place
-from d4cad.exporters.source.plan import Plan
+from d4cad.exporters.source.plan import Piece, Plan
 from d4cad.exporters.source.words import plain
 from d4cad.loop import Point
 
@@ -100,16 +100,25 @@ def _assignment(parameter: Parameter, plan: Plan) -> str:
     return f"{parameter.name} = {text}" + (f"  # {parameter.note}" if parameter.note else "")
 
 
-def point_function() -> list[str]:
-    """The function through which every point goes, so that ``scale`` is in one place."""
-    text = f'''
+POINT = f'''
 
 def at(x, y):
 {INDENT}"""A point of the drawing, in mm."""
 {INDENT}return x * scale, y * scale
-
 '''
-    return text.split("\n")
+
+MIDDLE = f'''
+
+def middle(start, end, bulge):
+{INDENT}"""The middle of an arc, whose bulge is tan(sweep / 4), > 0 counter-clockwise."""
+{INDENT}x, y = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
+{INDENT}return x + bulge * (end[1] - start[1]) / 2, y - bulge * (end[0] - start[0]) / 2
+'''
+
+
+def functions(plan: Plan) -> list[str]:
+    """The function through which every point goes, so that ``scale`` is in one place; and one for arcs if needed."""
+    return f"{POINT}{MIDDLE if plan.has_bent_arcs else ''}\n".split("\n")
 
 
 def scaled(name: str) -> str:
@@ -132,3 +141,11 @@ def point(place: Point, plan: Plan) -> Group:
 def computed(place: Place, plan: Plan) -> Group:
     """A point of the drawing in mm from what it is computed from."""
     return call("at", *(each.text(plan.decimals) for each in place))
+
+
+def middle(piece: Piece, plan: Plan) -> Group:
+    """The middle of an arc."""
+    start, end = piece.points
+    if piece.bent:
+        return call("middle", point(start, plan), point(end, plan), f"{piece.bulge:.12g}")
+    return point(piece.middle or start, plan)

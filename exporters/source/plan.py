@@ -33,7 +33,8 @@ class Piece:
 
     ``bulge``: of the arc. ``radius``: of an arc for which a short number is as exact as three points are, signed as
     its bulge: > 0 counter-clockwise; its magnitude may be a parameter, ``radius_name``, and then ``center`` is what the
-    arc's centre is computed from.
+    arc's centre is computed from. ``bent``: whether the chord depends on parameters in such a way that the middle is
+    best computed from the ends.
     """
 
     points: tuple[Point, ...]
@@ -42,6 +43,7 @@ class Piece:
     radius: float | None = None
     radius_name: str = ""
     center: Place | None = None
+    bent: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +128,11 @@ class Plan:
     edges: str
     decimals: int
     places: Mapping[Point, Place]
+
+    @property
+    def has_bent_arcs(self) -> bool:
+        """Whether there is an arc whose middle is computed from its ends."""
+        return any(piece.bent for contour in self.contours for piece in contour.pieces)
 
     @property
     def contours(self) -> tuple[Contour, ...]:
@@ -220,7 +227,7 @@ def _computed(piece: Piece, common: Shared, places: dict[Point, Place]) -> Piece
         radius = copysign(hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]) / sqrt(2), bulge)
         return replace(piece, radius=radius, radius_name=name, center=center(start, end, bulge))
     moves = any((end[axis] - start[axis]).terms for axis in (0, 1))
-    return replace(piece, radius=None) if moves else piece
+    return replace(piece, radius=None, bent=abs(bulge) != 1) if moves else piece
 
 
 def _contour(name: str, loop: Loop, area: float, decimals: int) -> Contour:

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 
+from d4cad.exporters.source.bolts import bolt_circles
 from d4cad.exporters.source.corners import round_corners
 from d4cad.exporters.source.drawing import CENTER, Drawing, Groups, Key
 from d4cad.exporters.source.linear import Linear
@@ -57,6 +58,7 @@ def shared(sketch: Sketch, names: Mapping[int, str], circles: Mapping[int, Point
     round_corners(drawing)
     for dimension in sketch.dimensions:
         impose(drawing, dimension, centers=False)
+    bolt_circles(drawing)
     _join_centers(drawing)
     for dimension in sketch.dimensions:
         impose(drawing, dimension, centers=True)
@@ -75,6 +77,7 @@ def _align(drawing: Drawing) -> None:
                     drawing.level.add((axis, loop, edge))
     for a, b in _semicircles(drawing):
         groups.join(a, b)
+    several = sum(map(drawing.has_edges, drawing.names)) > 1
     bounds = drawing.sketch.bounds
     sides = {0: {"left": bounds[0], "right": bounds[2]}, 1: {"bottom": bounds[1], "top": bounds[3]}}
     for axis in (0, 1):
@@ -84,7 +87,9 @@ def _align(drawing: Drawing) -> None:
             value = drawing.at(members[0])
             if all(drawing.equal(members[0], key) for key in members):
                 side = next((side for side, x in sides[axis].items() if abs(value - x) <= drawing.slack), None)
-                drawing.name(side or f"{'xy'[axis]}_{next(inner)}", members)
+                loops = [drawing.names[loop] for loop in sorted({loop for _, loop, _ in members})] if several else []
+                note = f"of {contours(loops)}" if loops and side is None else ""
+                drawing.name(side or f"{'xy'[axis]}_{next(inner)}", members, note=note)
     drawing.level &= drawing.places.keys()  # what is not level in fact has no name
 
 
@@ -127,15 +132,15 @@ def _join_centers(drawing: Drawing) -> None:
         for members in sorted(groups.of(axis), key=lambda group: drawing.at(group[0])):
             if not all(drawing.equal(members[0], key) for key in members):
                 continue
-            arc = next((arcs[key] for key in members if key in arcs), None)
-            if arc is not None and abs(arc.value(drawing.values) - drawing.at(members[0])) <= drawing.slack:
-                drawing.places |= dict.fromkeys(members, arc)
+            given = next((each[key] for each in (drawing.places, arcs) for key in members if key in each), None)
+            if given is not None and abs(given.value(drawing.values) - drawing.at(members[0])) <= drawing.slack:
+                drawing.places |= {key: given for key in members if key not in drawing.places}
             elif len(members) > 1:
                 named.setdefault(_role(drawing, members), []).append(members)
         for role, lists in named.items():
             for k, members in enumerate(lists, 1):
                 name = f"{role}_{'xy'[axis]}" + (f"_{k}" if len(lists) > 1 else "")
-                drawing.name(name, members, f"of {contours([drawing.names[loop] for _, loop, _ in members])}")
+                drawing.name(name, members, note=f"of {contours([drawing.names[loop] for _, loop, _ in members])}")
     for loop in drawing.circles:
         keys = [(axis, loop, CENTER) for axis in (0, 1)]
         for axis, key in enumerate(keys):
