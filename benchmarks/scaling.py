@@ -192,9 +192,9 @@ def main() -> None:
     shares, total = profile()
     lines = [
         "# Scaling", "",
-        "`python benchmarks/scaling.py`: CPU time on one core of a busy machine, in ms; wheels of lines and arcs. By"
-        f" resolution the program has {MIDDLE} primitives (a fit 12), by primitives the canvas is 1024x1024. A fit starts"
-        " from the traced contour."
+        "`python benchmarks/scaling.py`: CPU time on one core of a busy machine, in ms; wheels of lines and"
+        f" arcs. By resolution the program has {MIDDLE} primitives (a fit 12), by primitives the canvas is 1024x1024. A"
+        " fit starts from the traced contour."
         " *Slope*: of log time over log size, least squares over the upper half.", "",
     ]  # fmt: skip
     for varied, found in series.items():
