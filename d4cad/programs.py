@@ -18,6 +18,7 @@ from d4cad.errors import D4cadError, InputError
 from d4cad.fit import Fit, decibels, joined_outline
 from d4cad.grammars.arc_line import ArcLine
 from d4cad.grammars.arc_line.structure import Structure
+from d4cad.grammars.tree import Tree
 from d4cad.importers import Drawing
 from d4cad.placement import Placement, stated
 from d4cad.plugins import is_script
@@ -109,6 +110,8 @@ def _decoded(file: io.ProgramFile, allowed: str | None) -> Fit:
         outline = _related(grammar.outline(program), file)
     elif "drawing" in file.settings:  # it was drawn so: nothing is off that joining could mend
         outline = grammar.outline(program)
+    elif "branches" in file.settings and isinstance(grammar, Tree):
+        outline = grammar.outline(program, _width(file.settings["branches"]))
     else:
         outline = joined_outline(grammar, program, file.canvas, 10 ** (-file.psnr / 10))
     return Fit(
@@ -140,6 +143,12 @@ def _related(outline: Sketch, file: io.ProgramFile) -> Sketch:
         relations=tuple(relation.scaled(factor) for relation in file.relations),
         dimensions=tuple(dimension.scaled(factor) for dimension in file.dimensions),
     )
+
+
+def _width(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value < SPAN:
+        raise InputError(f"its branches have a width of {value!r}, expected a number of world units")
+    return float(value)
 
 
 def _seconds(extra: Mapping[str, Any], key: str) -> float:

@@ -1,7 +1,7 @@
 """Draws the figures of docs/how-it-works.md into docs/images/how/: `python docs/figures.py`.
 
-They show what the paper's figures show (a descent, the rewrites, three grammars on one target, the ablations over time),
-drawn by our code of our own shapes.
+They show what the paper's figures show, drawn by our code of our own shapes: a descent, the rewrites, three grammars on
+one target, the ablations over time.
 """
 
 from __future__ import annotations
@@ -133,7 +133,10 @@ def stock() -> Program[Any]:
     """A shape on which every rewrite can be shown."""
     bump = np.tan(np.pi / 8)
     outer = Loop(
-        ((-1.1, -0.8), (0.2, -0.8), (1.1, -0.8), (1.1, 0.2), (0.9, 0.8), (0.5, 0.8), (-0.25, 0.45), (-0.8, 0.8), (-1.1, 0.3)),
+        (
+            (-1.1, -0.8), (0.2, -0.8), (1.1, -0.8), (1.1, 0.2), (0.9, 0.8), (0.5, 0.8), (-0.25, 0.45), (-0.8, 0.8),
+            (-1.1, 0.3),
+        ),
         (0.0, 0.04, bump / 2, bump / 2, 0.0, 0.0, 0.0, 0.0, 0.0),
     )  # fmt: skip
     hole = Loop(((0.55, -0.1), (0.35, -0.32), (0.15, -0.1), (0.35, 0.1)), (-0.35,) * 4)
@@ -169,7 +172,17 @@ def demand() -> Floats:
 
 def shown(rule: str, base: Program[Any], offered: Sequence[Rewrite], grammar: ArcLine) -> Sketch:
     """The outline after the rewrite of a kind that is seen best, of those that leave one."""
-    wanted = {"to-arc": 4, "to-line": 2, "merge-line": 6, "merge-arc": 3, "close": 4, "split": 0, "round": 0, "chamfer": 5, "remove-loop": 9}
+    wanted = {
+        "to-arc": 4,
+        "to-line": 2,
+        "merge-line": 6,
+        "merge-arc": 3,
+        "close": 4,
+        "split": 0,
+        "round": 0,
+        "chamfer": 5,
+        "remove-loop": 9,
+    }
     at = wanted.get(rule)
     for rewrite in sorted(offered, key=lambda r: at is None or int(r.data[0]) != at):
         try:
@@ -204,21 +217,23 @@ def draw_ramps() -> None:
     goal = target()
     figure, panels = plt.subplots(1, 3, figsize=(6.6, 2.4), layout="constrained")
     run = searched(Setting("fast", "AL-all"), goal)
-    for axes, (ramp, title) in zip(
-        panels, ((3.0, "ramp of 3 px"), (2**-0.5, "the paper's ramp"), (0.0, "exact area")), strict=True
-    ):
+    for axes, (ramp, title) in zip(panels, ((3.0, "3 px"), (2**-0.5, "the paper's"), (0.0, "exact area")), strict=True):
         canvas = Canvas.square(48, ramp)
         drawn = run.grammar.rasterize(run.found, canvas)
-        axes.imshow(1 - 0.6 * drawn.coverage, cmap="gray", vmin=0, vmax=1, origin="lower", extent=(-1.5, 1.5, -1.5, 1.5))
+        axes.imshow(
+            1 - 0.6 * drawn.coverage, cmap="gray", vmin=0, vmax=1, origin="lower", extent=(-1.5, 1.5, -1.5, 1.5)
+        )
         drawing(axes, run.grammar.outline(run.found), dots=False, color=DOT, fill=None)
-        bare(axes, f"{title}: {len(drawn.row)} pixels in the band", reach=1.2)
+        bare(axes, f"{title}: {len(drawn.row)} px in the band", reach=1.2)
     save(figure, "ramps")
 
 
 def draw_ablations() -> None:
     """PSNR over time, the median of shapes: both methods, and each without one thing."""
     figure, panels = plt.subplots(1, 2, figsize=(7.2, 2.9), layout="constrained", sharey=True)
-    for axes, method, grid in zip(panels, ("paper", "fast"), (np.geomspace(0.02, 3, 80), np.geomspace(0.02, 0.6, 80)), strict=True):
+    for axes, method, grid in zip(
+        panels, ("paper", "fast"), (np.geomspace(0.02, 3, 80), np.geomspace(0.02, 0.6, 80)), strict=True
+    ):
         for ablation, color in (("Full", STROKE), ("OneRewrite", DOT), ("NoStep", OTHER)):
             runs = [searched(Setting(method, "AL-F", ablation), target(seed)).records for seed in SHAPES]
             curves = [best_by(grid, run) for run in runs]

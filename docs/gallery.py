@@ -139,7 +139,9 @@ def main(folder: Path = DOCS, limit: int | None = None) -> dict[str, Any]:
         card(fit, images / f"{k:02d}.svg")
         text = caption(piece, fit)
         worst = min(worst, fit.psnr)
-        cards.append(f'<figure><img src="images/gallery/{k:02d}.svg" alt="{text}"><figcaption>{text}</figcaption></figure>')
+        cards.append(
+            f'<figure><img src="images/gallery/{k:02d}.svg" alt="{text}"><figcaption>{text}</figcaption></figure>'
+        )
     page = (
         "# Gallery\n\nEach card: the picture, and the exact outline with its vertices (full circles have none). Made by"
         " `python docs/gallery.py` from our own shapes; dB against the picture as given, seconds on one busy core.\n\n"

@@ -69,6 +69,20 @@ ScriptGrammar = Annotated[
         show_default=False,
     ),
 ]
+Branches = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LENGTH",
+        help="Join a tree's leaves by branches of this width into one part: 2mm, 3px.",
+        show_default=False,
+    ),
+]
+Separate = Annotated[
+    bool,
+    typer.Option(
+        "--separate", help="Every rectangle of union-rect as a body or loop by itself; .step .brep .dxf .svg."
+    ),
+]
 Variant = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Some of its rewrites only; `d4cad grammars` lists them.", show_default="all"),
