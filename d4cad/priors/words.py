@@ -1,0 +1,157 @@
+"""From what a user types to what a library has: names, aliases checked by hand, suggestions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+
+from d4cad.errors import InputError
+
+ALIASES: Mapping[str, str] = {
+    "aeroplane": "airplane",
+    "auto": "car",
+    "automobile": "car",
+    "beer": "beer-stein",
+    "bike": "bicycle",
+    "boot print": "boot",
+    "bottle": "beer-bottle",
+    "bulb": "lightbulb",
+    "bull": "cow",
+    "camp": "tent",
+    "cap": "baseball-cap",
+    "castle": "castle-turret",
+    "cell": "battery-full",
+    "cloth": "t-shirt",
+    "clothes": "t-shirt",
+    "cog": "gear",
+    "cup": "coffee",
+    "dice": "dice-five",
+    "die": "dice-five",
+    "envelope": "envelope",
+    "evergreen": "tree-evergreen",
+    "fir": "tree-evergreen",
+    "flame": "fire",
+    "floppy": "floppy-disk",
+    "ghost": "ghost",
+    "glasses": "eyeglasses",
+    "goblet": "wine",
+    "hat": "cowboy-hat",
+    "heart shape": "heart",
+    "home": "house",
+    "icecream": "ice-cream",
+    "jug": "beer-stein",
+    "kitten": "cat",
+    "kitty": "cat",
+    "light bulb": "lightbulb",
+    "lotus": "flower-lotus",
+    "magnifier": "magnifying-glass",
+    "man": "person",
+    "man standing": "person",
+    "standing man": "person",
+    "mail": "envelope",
+    "mitten": "boxing-glove",
+    "motorbike": "motorcycle",
+    "mountain": "mountains",
+    "mug": "coffee",
+    "note": "music-note",
+    "padlock": "lock",
+    "palm": "tree-palm",
+    "palm tree": "tree-palm",
+    "paw": "paw-print",
+    "pine": "tree-evergreen",
+    "plane": "airplane",
+    "puppy": "dog",
+    "puzzle": "puzzle-piece",
+    "racket": "racquet",
+    "tennis racket": "racquet",
+    "sail boat": "sailboat",
+    "scissor": "scissors",
+    "shirt": "t-shirt",
+    "shoe": "sneaker",
+    "snail shell": "spiral",
+    "sofa": "couch",
+    "spectacles": "eyeglasses",
+    "spanner": "wrench",
+    "sport shoe": "sneaker",
+    "tee": "t-shirt",
+    "thunderbolt": "lightning",
+    "trousers": "pants",
+    "tulip": "flower-tulip",
+    "tv": "television",
+    "ufo": "flying-saucer",
+    "water drop": "drop",
+    "wine glass": "wine",
+    "wineglass": "wine",
+}
+"""What a word fetches that is no name itself. Phosphor's own tags are not used for this: they are topics, and "key"
+would fetch a triangle."""
+
+
+def normal(text: str) -> str:
+    """A prompt as names have it: small letters, words joined by hyphens, no article."""
+    words = re.findall(r"[a-z0-9]+", text.lower())
+    return "-".join(words[1:] if len(words) > 1 and words[0] in ("a", "an", "the") else words)
+
+
+def found(text: str, names: Iterable[str], tags: Mapping[str, Iterable[str]] | None = None) -> str:
+    """The name that a prompt means: that name, an alias of it, or its singular or plural.
+
+    tags: of each name, for suggestions. Raises InputError for an empty or unknown prompt.
+    """
+    known = set(names)
+    word = normal(text)
+    if not word:
+        raise InputError("the prompt is empty, expected a word such as star")
+    for form in forms(word):
+        if form in known:
+            return form
+        alias = ALIASES.get(form.replace("-", " "))
+        if alias in known:
+            return str(alias)
+    close = suggestions(word, known, tags or {})
+    hint = f": did you mean {' or '.join(close)}?" if close else ""
+    raise InputError(f"the prior does not know {text.strip()!r}{hint}")
+
+
+def forms(word: str) -> list[str]:
+    """A word, its singular and its plurals."""
+    singular = [word.removesuffix(end) for end in ("s", "es") if word.endswith(end) and len(word) > 3]
+    return [word, *singular, f"{word}s", f"{word}es"]
+
+
+def suggestions(word: str, names: Iterable[str], tags: Mapping[str, Iterable[str]]) -> list[str]:
+    """At most three names: of like spelling, else with that word in them, else so tagged."""
+    names = sorted(names)
+    spelled = {alias.replace(" ", "-"): name for alias, name in ALIASES.items() if name in names}
+    close = get_close_matches(word, [*names, *spelled], n=3, cutoff=0.8)
+    parts = [name for name in names if set(word.split("-")) & set(name.split("-"))]
+    tagged = [name for name in names if word in tags.get(name, ())]
+    return list(dict.fromkeys([*close, *sorted(parts, key=len), *sorted(tagged, key=len)]))[:3]
+
+
+TRAINED = """
+acorn airplane alarm alien ambulance anchor armchair atom avocado axe baby backpack balloon bank barbell barn baseball
+basket basketball bathtub beanie bed bell belt bicycle binoculars bird boat bomb bone book boot bread bridge briefcase
+broom bug bulldozer bus butterfly cactus cake calculator camera campfire car carrot chair champagne cheese cherries
+church city clock cloud clover club coffee compass cookie couch cow crane cricket crown cube cylinder desk detective
+diamond disc dna dog door dress dresser drone drop ear egg engine envelope eye eyeglasses factory fan farm feather fire
+fish flag flask flower football garage gavel gear ghost gift globe goggles guitar hamburger hammer hand handbag
+headphones heart horse hospital hourglass house island jar jeep key keyboard knife ladder lamp laptop leaf
+lifebuoy lightbulb lighthouse lightning lock magnet mailbox martini medal megaphone microphone microscope moon
+motorcycle mosque mountains mouse needle nut orange oven package pants paperclip parachute park pen pencil pepper person
+phone pill pipe pizza planet plant plug popcorn popsicle printer rabbit racquet rainbow robot rocket ruler
+sailboat scales scissors scooter screwdriver seal shield shovel shower shrimp skull smiley sneaker snowflake sock spade
+speedometer sphere spiral square stairs stamp star stethoscope stool storefront strategy suitcase sun sunglasses sword
+synagogue syringe table tag target taxi television tent thermometer ticket tire toilet toolbox tooth tornado towel
+tractor train tram trash tree triangle trolley trophy truck umbrella van vault virus volleyball wall wallet warehouse
+watch wheelchair windmill wine wrench yarn hexagon pentagon octagon circle cross hoodie cat club plus
+beer-bottle baseball-cap beach-ball bowling-ball soccer-ball tennis-ball boxing-glove castle-turret chef-hat cowboy-hat
+hard-hat graduation-cap coat-hanger coffee-bean cooking-pot fire-truck police-car fish-simple flower-lotus flower-tulip
+flying-saucer high-heel house-line ice-cream magnifying-glass music-note paint-brush paint-bucket paint-roller
+paper-plane paw-print piggy-bank pint-glass potted-plant puzzle-piece rocket-launch shooting-star shopping-bag
+shopping-cart spray-bottle star-four t-shirt traffic-cone tree-evergreen tree-palm beer-stein car-profile
+heart-straight moon-stars cloud-moon cloud-sun cloud-rain heart-break bell-ringing airplane-tilt person-arms-spread
+dice-five floppy-disk butterfly push-pin map-pin battery-full
+"""
+"""Names that the trained prior learns: things with a shape of their own."""
