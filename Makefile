@@ -8,7 +8,7 @@ LIGHT := $(VENV)/.light-stamp
 DEV := $(VENV)/.dev-stamp
 PINS := pyproject.toml constraints.txt
 
-.PHONY: demo test lint bench venv clean
+.PHONY: demo test lint bench tables docs venv clean
 .DELETE_ON_ERROR:
 
 # The demo needs one CAD kernel and no torch. Where the full environment exists already, it is used.
@@ -27,6 +27,10 @@ lint: $(DEV)
 
 bench: $(DEV)
 	@set -e; for script in benchmarks/[a-z]*.py; do echo "== $$script"; $(BIN)/python "$$script"; done
+
+# The paper's tables: DATA=DIR for a folder of its shapes, else on our own; ARGS for more, such as ARGS='--jobs 2'.
+tables: $(DEV)
+	$(BIN)/d4cad tables $(if $(DATA),--data $(DATA)) $(ARGS)
 
 venv: $(DEV)
 

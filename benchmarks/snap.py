@@ -20,7 +20,8 @@ import numpy as np
 
 from d4cad.bench import coverage
 from d4cad.canvas import Canvas
-from d4cad.fit import Fit, fit_coverage, fit_image, warm
+from d4cad.fit import Fit
+from d4cad.fitting import fit_coverage, fit_image, warm
 from d4cad.regularize import Parameters
 from d4cad.regularize.equations import equations
 from d4cad.regularize.measures import Measures

@@ -33,7 +33,8 @@ from PIL import Image
 from d4cad.bench import coverage
 from d4cad.canvas import Canvas
 from d4cad.edgemodel import AREA_RAMP
-from d4cad.fit import decibels, fit_image, warm
+from d4cad.fit import decibels
+from d4cad.fitting import fit_image, warm
 from d4cad.grammars.arc_line import ArcLine, Structure
 from d4cad.program import Program
 from d4cad.shapes import generate

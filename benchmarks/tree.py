@@ -9,7 +9,7 @@ from statistics import median
 import numpy as np
 
 from d4cad.canvas import Canvas
-from d4cad.fit import fit_coverage
+from d4cad.fitting import fit_coverage
 from d4cad.grammars.tree import Tree, bounds
 from d4cad.objectives.image import ImageLoss
 from d4cad.program import Floats

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from d4cad.canvas import Canvas as Canvas
     from d4cad.errors import D4cadError as D4cadError
     from d4cad.fit import Fit as Fit
-    from d4cad.fit import fit_coverage as fit_coverage
-    from d4cad.fit import fit_image as fit_image
-    from d4cad.fit import load_program as load_program
+    from d4cad.fitting import fit_coverage as fit_coverage
+    from d4cad.fitting import fit_image as fit_image
+    from d4cad.programs import load_program as load_program
     from d4cad.sketch import Sketch as Sketch
 
 __version__ = "0.1.0"
@@ -26,9 +26,9 @@ _HOMES = {
     "D4cadError": "errors",
     "Fit": "fit",
     "Sketch": "sketch",
-    "fit_coverage": "fit",
-    "fit_image": "fit",
-    "load_program": "fit",
+    "fit_coverage": "fitting",
+    "fit_image": "fitting",
+    "load_program": "programs",
 }
 
 

@@ -17,7 +17,7 @@ from d4cad import __version__
 from d4cad.errors import D4cadError, InputError
 from d4cad.files import replacing
 from d4cad.finishing import Finish, fit_finished
-from d4cad.fit import warm
+from d4cad.fitting import warm
 from d4cad.outputs import EXTENSIONS, check_output
 from d4cad.placement import Placement
 from d4cad.summary import summary
@@ -35,8 +35,8 @@ class Batch:
     """What to make of every picture.
 
     out: folder of the results. extensions: kinds of files, such as (".step", ".json"). options: keywords of
-    :func:`d4cad.fit.fit_image`, JSON values all. Raises InputError for a kind that there is not, ExportError for one
-    that cannot be written here.
+    :func:`d4cad.fitting.fit_image`, JSON values all. Raises InputError for a kind that there is not, ExportError for
+    one that cannot be written here.
     """
 
     out: Path

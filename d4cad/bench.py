@@ -13,7 +13,8 @@ from typing import Any
 from d4cad import io
 from d4cad.canvas import Canvas
 from d4cad.errors import D4cadError, InputError
-from d4cad.fit import Fit, fit_coverage, fit_image, warm
+from d4cad.fit import Fit
+from d4cad.fitting import fit_coverage, fit_image, warm
 from d4cad.grammars.arc_line import ArcLine
 from d4cad.program import Floats
 from d4cad.registry import make_grammar, make_method

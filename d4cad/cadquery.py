@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from d4cad.exporters.cadquery import attach, to_cadquery
 from d4cad.exporters.parts import Part
-from d4cad.fit import fit_image
+from d4cad.fitting import fit_image
 
 Workplane = Any
 """cadquery.Workplane, which only the exporters import."""

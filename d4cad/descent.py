@@ -60,7 +60,8 @@ class Method:
     stages: one after another. rhythm: numbers of gradient steps, each followed by a repair. stepper: the continuous
     optimiser. estimator: how rewrites are scored. sample: how many proposals a round scores, None for all; ``reserved``
     maps a rule to the share of the sample kept for it. recheck: whether a chosen set must lower the objective after a
-    full run of steps, else its best third is tried, and so on down to one.
+    full run of steps, else its best third is tried, and so on down to one. accept: at most so many rewrites of a round
+    are applied, None for all that are compatible.
     """
 
     stages: tuple[Stage, ...]
@@ -70,6 +71,7 @@ class Method:
     sample: int | None = None
     reserved: tuple[tuple[str, float], ...] = ()
     recheck: bool = True
+    accept: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +141,7 @@ def descend(
                 for _ in range(stage.rounds):
                     loss = objective.draw(rng)
                     here = search.settle(here, loss)
-                    chosen = compatible(search.promising(here, loss, rng))
+                    chosen = compatible(search.promising(here, loss, rng))[: method.accept]
                     there, accepted = search.combine(here, chosen, loss)
                     search.record(there if method.recheck else here, accepted)
                     gained = min(here.total, there.total) < best.total * (1 - stage.tolerance)

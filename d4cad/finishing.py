@@ -15,7 +15,8 @@ from d4cad.descent import Stop
 from d4cad.deviation import drawn_apart
 from d4cad.errors import D4cadError, GeometryError, InputError
 from d4cad.fidelity import left_by
-from d4cad.fit import Fit, decibels, fit_image, regularised
+from d4cad.fit import Fit, decibels
+from d4cad.fitting import fit_image, regularised
 from d4cad.joining import joined
 from d4cad.placement import Placement
 from d4cad.protocols import Tracer
@@ -74,7 +75,7 @@ def fit_finished(
 ) -> Fit:
     """Fit a picture, finish its outline, and only then look for relations, which finishing would break.
 
-    size: as far as it is given. The rest as for :func:`d4cad.fit.fit_image`; raises as that and :func:`finished` do.
+    size: as far as it is given. The rest as for :func:`d4cad.fitting.fit_image`; raises as that and :func:`finished`.
     """
     if finish == Finish():
         return fit_image(image, method=method, snap=snap, size=size, **options)

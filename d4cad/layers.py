@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from d4cad.errors import InputError
-from d4cad.fit import MARGIN, Fit, Watch, fit_picture
+from d4cad.fit import Fit
+from d4cad.fitting import MARGIN, Watch, fit_picture
 from d4cad.images import Picture, decode
 from d4cad.placement import Placement
 from d4cad.preprocess import despeckled, require_cleaning, smoothed
@@ -99,7 +100,7 @@ def fit_layers(
 ) -> tuple[tuple[str, Fit], ...]:
     """A colour and its fit for every layer, all on one canvas, the largest first.
 
-    each: what is done to every fit. options: as for :func:`d4cad.fit.fit_picture`.
+    each: what is done to every fit. options: as for :func:`d4cad.fitting.fit_picture`.
     """
     read = decode(source)
     found = []

@@ -31,7 +31,7 @@ SIDE = 1024
 """Pixels along the canvas of a drawing."""
 
 
-def load(path: str | PathLike[str]) -> Fit:
+def load_program(path: str | PathLike[str]) -> Fit:
     """The fit that a program file holds, its target excepted, or the program of a .dxf or .svg drawing.
 
     Raises InputError or GeometryError, which name the file.

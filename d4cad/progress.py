@@ -72,3 +72,15 @@ def live(max_time: float | None, quality: Quality = likeness) -> Iterator[Callab
     with Progress(SpinnerColumn(), state, console=Console(stderr=True), transient=True) as progress:
         progress.add_task("fit", total=None)
         yield state.watch
+
+
+@contextmanager
+def counted(what: str, *, shown: bool) -> Iterator[Callable[[int, int], None] | None]:
+    """A bar for many things of one kind, moved by (done, all); None where nobody looks on."""
+    console = Console(stderr=True)
+    if not (shown and console.is_terminal):
+        yield None
+        return
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task(what, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)

@@ -10,7 +10,8 @@ import numpy as np
 
 from d4cad.canvas import AREA, Canvas
 from d4cad.edgemodel import measured
-from d4cad.fit import Fit, Watch, fit_coverage
+from d4cad.fit import Fit
+from d4cad.fitting import Watch, fit_coverage
 from d4cad.program import Floats
 from d4cad.protocols import Tracer
 from d4cad.registry import make_grammar
@@ -35,7 +36,7 @@ def fit_pyramid(
 
     The search for the loops, lines and arcs then costs what it costs on the small picture, and the large one is left
     with their exact places and with what was too small to be seen. noise: standard deviation of a pixel. The rest as
-    for :func:`d4cad.fit.fit_coverage`; the history, the steps and the times are of both scales together.
+    for :func:`d4cad.fitting.fit_coverage`; the history, the steps and the times are of both scales together.
     """
     step, grammar = ceil(max(canvas.shape) / coarse), make_grammar(options.get("grammar", "arc-line"), "fast", canvas)
     if step < 2 or not isinstance(grammar, Tracer):

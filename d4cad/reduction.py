@@ -17,7 +17,7 @@ from d4cad.errors import InputError
 from d4cad.fit import Fit
 from d4cad.importers import GAP, TOLERANCE, Drawing
 from d4cad.placement import DEFAULT_DPI, INCH
-from d4cad.programs import from_drawing, load
+from d4cad.programs import from_drawing, load_program
 from d4cad.simplification import simplified
 from d4cad.sketch import Sketch
 from d4cad.summary import census, kinds
@@ -84,7 +84,7 @@ def reduced(
     if path.suffix.lower() == ".json":
         if layers:
             raise InputError("layers can be chosen in DXF drawings only")
-        fit = load(path)
+        fit = load_program(path)
         pixel = fit.placement().pixel_size if fit.made.width is None else INCH / DEFAULT_DPI
         within = length(tolerance, pixel)
         sketch = fit.sketch()

@@ -167,7 +167,8 @@ class Dense:
 class LevenbergMarquardt:
     """Damped Gauss-Newton steps (Marquardt 1963: the damping scales the curvature's diagonal).
 
-    A step that raised the loss is taken back by the next one, at ten times the damping. ``reach``: the longest change
+    A step that raised the loss is taken back by the next one, at ``factor`` times the damping, and one that lowered it
+    is followed by one at a ``factor``-th; 1 leaves the damping constant. ``reach``: the longest change
     of one parameter in a step. ``tolerance``: the relative decrease of the loss under which the program is settled;
     ``least``: a loss so small that it is settled anyway. ``bounds``: what the parameters must keep to; those at a bound
     that the loss pushes against rest for the step (the projected Newton method, Bertsekas 1982).
@@ -178,6 +179,7 @@ class LevenbergMarquardt:
     tolerance: float = 1e-4
     least: float = 1e-17
     bounds: Bounds | None = None
+    factor: float = 10.0
 
     def init(self, program: Program[Any]) -> Trust:
         """No step taken yet."""
@@ -194,11 +196,11 @@ class LevenbergMarquardt:
         damping, done = state.damping, False
         if state.evaluation is None or state.params is None or evaluation.value < state.evaluation.value:
             if state.evaluation is not None:
-                damping = max(damping / 10, 1e-9)
+                damping = max(damping / self.factor, 1e-9)
                 done = state.evaluation.value - evaluation.value <= self.tolerance * state.evaluation.value
             at, here = program.params, evaluation
         else:
-            damping *= 10
+            damping *= self.factor
             at, here = state.params, state.evaluation
         done = done or damping > 1e4 or here.value <= self.least
         if self.bounds is None:

@@ -18,7 +18,7 @@ from d4cad.batch import Batch, Row, pictures, run, solve
 from d4cad.cli import app
 from d4cad.errors import InputError
 from d4cad.finishing import Finish
-from d4cad.fit import load_program
+from d4cad.programs import load_program
 
 KEPT = ("primitives", "lines", "arcs", "circles", "psnr", "iou", "largest_px", "mean_px")
 

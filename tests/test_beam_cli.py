@@ -19,8 +19,8 @@ from d4cad.cli import app
 from d4cad.cli.beam import _stiffness
 from d4cad.descent import Record
 from d4cad.exporters import occ
-from d4cad.fit import load_program
 from d4cad.objectives.fem import Grid
+from d4cad.programs import load_program
 from d4cad.progress import line
 from d4cad.sketch import Sketch
 

@@ -12,7 +12,7 @@ import pytest
 from d4cad.beams.connection import require_supported
 from d4cad.beams.reading import parse_problem
 from d4cad.beams.writing import toml_of
-from d4cad.fit import load_program
+from d4cad.programs import load_program
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 

@@ -13,7 +13,7 @@ from PIL import Image
 from d4cad.bench import Case, Request, Row, coverage, run, shapes, table, true_outline
 from d4cad.canvas import AREA, Canvas
 from d4cad.errors import InputError
-from d4cad.fit import load_program
+from d4cad.programs import load_program
 from d4cad.sketch import Circle, Loop, Sketch
 
 KEYS = {"loops", "psnr", "primitives", "true_primitives", "exact", "cpu_s", "wall_s", "stop", "unit", "params"}

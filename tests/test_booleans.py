@@ -21,9 +21,9 @@ from d4cad.cli import app
 from d4cad.cutting import near_pairs
 from d4cad.errors import GeometryError
 from d4cad.exporters import occ
-from d4cad.fit import load_program
 from d4cad.grammars.arc_line import ArcLine, Structure
 from d4cad.program import Program
+from d4cad.programs import load_program
 from d4cad.shapes import generate
 from d4cad.sketch import Circle, Loop, Sketch
 

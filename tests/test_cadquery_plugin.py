@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from d4cad.errors import InputError
-from d4cad.fit import Fit, fit_image, load_program
+from d4cad.fit import Fit
+from d4cad.fitting import fit_image
+from d4cad.programs import load_program
 from d4cad.sketch import Sketch
 
 cq: Any = pytest.importorskip("cadquery", reason="CadQuery is not installed")

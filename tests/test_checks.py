@@ -35,7 +35,7 @@ from d4cad.exporters.checks import (
 from d4cad.exporters.checks.inscribed import inscribed
 from d4cad.exporters.checks.picture import write_picture
 from d4cad.exporters.checks.spans import places, spans
-from d4cad.fit import fit_image
+from d4cad.fitting import fit_image
 from d4cad.offsets import offset
 from d4cad.placement import Placement
 from d4cad.shapes import generate

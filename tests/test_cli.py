@@ -22,7 +22,7 @@ from typer.testing import CliRunner, Result
 from d4cad import __version__
 from d4cad.cli import app
 from d4cad.descent import Record
-from d4cad.fit import load_program
+from d4cad.programs import load_program
 from d4cad.progress import line
 
 SIDE = 96
@@ -256,7 +256,7 @@ def test_requests_that_cannot_be_met(plate: str, args: list[str], message: str) 
 @pytest.mark.parametrize(("name"), ["part.step", "part.stp", "part.brep"])
 def test_without_a_cad_kernel_step_is_refused_at_once(plate: str, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "OCP", None)
-    monkeypatch.setattr("d4cad.fit.fit_image", lambda *_: pytest.fail("the fit was started"))
+    monkeypatch.setattr("d4cad.fitting.fit_image", lambda *_: pytest.fail("the fit was started"))
     assert "needs a CAD kernel: pip install" in refused("fit", plate, "-o", name)
 
 
@@ -354,7 +354,7 @@ def test_ctrl_c_elsewhere_is_one_line(plate: str, monkeypatch: pytest.MonkeyPatc
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("d4cad.fit.load", interrupt)
+    monkeypatch.setattr("d4cad.fitting.load", interrupt)
     result = d4cad("fit", plate, "-o", "part.json")
     assert (result.exit_code, result.stdout) == (130, "")
     assert result.stderr == "interrupted: nothing more was written\n"

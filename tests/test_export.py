@@ -16,7 +16,7 @@ from d4cad import exporters
 from d4cad.cli import app
 from d4cad.cli.options import Output
 from d4cad.errors import ExportError, InputError
-from d4cad.fit import fit_image
+from d4cad.fitting import fit_image
 from d4cad.sketch import Circle, Loop, Sketch
 
 

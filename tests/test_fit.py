@@ -21,11 +21,13 @@ import d4cad
 from d4cad.canvas import Canvas
 from d4cad.descent import Record, Stop
 from d4cad.errors import ExportError, GeometryError, InputError
-from d4cad.fit import Fit, decibels, fit_coverage, fit_image, joined_outline, load_program
+from d4cad.fit import Fit, decibels, joined_outline
+from d4cad.fitting import fit_coverage, fit_image
 from d4cad.grammars.arc_line import ArcLine, Structure
 from d4cad.outputs import EXTENSIONS
 from d4cad.placement import Placement
 from d4cad.program import Program
+from d4cad.programs import load_program
 from d4cad.sketch import Sketch
 
 SIDE = 96

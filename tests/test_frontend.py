@@ -18,7 +18,8 @@ from d4cad.cli import app
 from d4cad.errors import D4cadError, InputError
 from d4cad.fidelity import left_by
 from d4cad.finishing import Finish, finished
-from d4cad.fit import Fit, fit_coverage, fit_image
+from d4cad.fit import Fit
+from d4cad.fitting import fit_coverage, fit_image
 from d4cad.images import load
 from d4cad.layers import fit_layers, layers, oklab, together
 from d4cad.placement import Placement

@@ -9,7 +9,7 @@ import pytest
 
 from d4cad.canvas import AREA, Canvas
 from d4cad.estimators import LocalFit
-from d4cad.fit import fit_coverage
+from d4cad.fitting import fit_coverage
 from d4cad.grammars.arc_line import ArcLine
 from d4cad.grammars.arc_line.joints import JOINTS
 from d4cad.grammars.arc_line.structure import Structure

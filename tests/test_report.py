@@ -17,7 +17,9 @@ from d4cad.canvas import Canvas
 from d4cad.cli import app
 from d4cad.errors import ExportError, InputError
 from d4cad.fidelity import apart, contour, measured, samples
-from d4cad.fit import Fit, fit_image, load_program
+from d4cad.fit import Fit
+from d4cad.fitting import fit_image
+from d4cad.programs import load_program
 from d4cad.reporting import fidelity, write_page
 from d4cad.sketch import Circle, Sketch
 

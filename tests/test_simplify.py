@@ -15,10 +15,10 @@ from typer.testing import CliRunner, Result
 from d4cad.cli import app
 from d4cad.deviation import drawn_apart
 from d4cad.errors import InputError
-from d4cad.fit import fit_image, load_program
+from d4cad.fitting import fit_image
 from d4cad.importers import read
 from d4cad.placement import Placement
-from d4cad.programs import load
+from d4cad.programs import load_program
 from d4cad.reduction import length, reduced
 from d4cad.shapes import generate
 
@@ -78,7 +78,7 @@ def test_a_messy_drawing_becomes_a_clean_one() -> None:
     assert clean.primitives == 10
     assert clean.area == pytest.approx(2400 - (4 - pi) * 36 - 64 * pi, abs=0.1)
     assert drawn_apart(clean.loops, read("messy.svg").sketch.loops) <= 0.05
-    assert load("clean.json").sketch().primitives == 10
+    assert load_program("clean.json").sketch().primitives == 10
 
 
 def test_the_report_as_json() -> None:
@@ -116,7 +116,7 @@ def test_a_layer_of_a_dxf_drawing() -> None:
 
 
 def test_a_program_is_simplified_in_its_place() -> None:
-    load(messy()).save("messy.json")
+    load_program(messy()).save("messy.json")
     found = reduced("messy.json", 0.05)
     assert found.before.bounds == pytest.approx((0, 0, 60, 40), abs=1e-9)
     assert found.after.primitives == 10
@@ -189,7 +189,7 @@ def test_a_drawing_is_a_program_in_its_own_place() -> None:
         corners = [(x, y, b) for (x, y), b in zip(loop.points, loop.bulges, strict=True)]
         document.modelspace().add_lwpolyline(corners, format="xyb", close=True)
     document.saveas("part.dxf")
-    fit = load("part.dxf")
+    fit = load_program("part.dxf")
     fit.save("part.json")
     placed = read("part.dxf").sketch
     assert placed.primitives == true.primitives
@@ -234,7 +234,7 @@ def test_a_fit_can_start_from_a_drawing() -> None:
 
 def test_only_a_drawing_has_an_origin_of_its_own() -> None:
     square = generate(np.random.default_rng(0), 8)
-    fit = load(messy())
+    fit = load_program(messy())
     with pytest.raises(InputError, match="only a part that was drawn"):
         Placement(origin="drawing").place(square, fit.canvas)
     assert Placement(scale=fit.made.scale, origin="center", zero=fit.made.zero).place(
@@ -244,10 +244,10 @@ def test_only_a_drawing_has_an_origin_of_its_own() -> None:
 
 @pytest.mark.parametrize("zero", ["x", [1.0], [1.0, "y"], [True, 0.0], 3])
 def test_a_program_file_with_a_wrong_origin(zero: object) -> None:
-    load(messy()).save("part.json")
+    load_program(messy()).save("part.json")
     lines = Path("part.json").read_text().splitlines()
     document = json.loads("\n".join(lines))
     document["settings"]["placement"]["zero"] = zero
     Path("part.json").write_text(json.dumps(document))
     with pytest.raises(InputError, match="its placement has a wrong zero"):
-        load("part.json")
+        load_program("part.json")

@@ -14,9 +14,11 @@ from d4cad.bench import coverage
 from d4cad.canvas import Canvas
 from d4cad.descent import Stop
 from d4cad.errors import InputError
-from d4cad.fit import Fit, fit_coverage, fit_image, load_program, regularised
+from d4cad.fit import Fit
+from d4cad.fitting import fit_coverage, fit_image, regularised
 from d4cad.placement import Placement
 from d4cad.program import Floats
+from d4cad.programs import load_program
 from d4cad.regularize import Parameters
 from d4cad.regularize.equations import equations
 from d4cad.regularize.measures import Measures
@@ -109,7 +111,7 @@ def test_ctrl_c_keeps_what_was_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("d4cad.fit.snapped", interrupted)
+    monkeypatch.setattr("d4cad.fitting.snapped", interrupted)
     fit = fit_image(grey(plate(), 96))
     assert fit.stop is Stop.INTERRUPTED
     assert fit.psnr > 40

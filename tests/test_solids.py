@@ -27,7 +27,8 @@ from d4cad.exporters.inset import inset
 from d4cad.exporters.occ import explored
 from d4cad.exporters.revolve import swept_volume
 from d4cad.exporters.solids import solids_of
-from d4cad.fit import Fit, fit_coverage
+from d4cad.fit import Fit
+from d4cad.fitting import fit_coverage
 from d4cad.sketch import Circle, Loop, Sketch
 
 H = 6.0

@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 
 from d4cad.canvas import Canvas
 from d4cad.cli import app
-from d4cad.fit import Fit, fit_coverage, load_program
+from d4cad.fit import Fit
+from d4cad.fitting import fit_coverage
 from d4cad.grammars.tree import Limits, Tree, bounds
 from d4cad.grammars.tree.kinematics import poses_of
 from d4cad.grammars.tree.leaves import DISC, LEAVES
@@ -19,6 +20,7 @@ from d4cad.grammars.tree.structure import Structure, program_of, table_of
 from d4cad.methods import fast_tree, paper_tree
 from d4cad.objectives.image import ImageLoss
 from d4cad.program import Floats, Program
+from d4cad.programs import load_program
 from d4cad.protocols import Evaluation
 from d4cad.registry import VARIANTS, make_grammar
 from d4cad.steppers import ClippedGradient, LevenbergMarquardt

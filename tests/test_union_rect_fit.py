@@ -12,10 +12,12 @@ from typer.testing import CliRunner
 from d4cad.canvas import Canvas
 from d4cad.cli import app
 from d4cad.errors import InputError
-from d4cad.fit import Fit, fit_coverage, joined_outline, load_program
+from d4cad.fit import Fit, joined_outline
+from d4cad.fitting import fit_coverage
 from d4cad.grammars.union_rect import UnionRect
 from d4cad.grammars.union_rect.structure import program_of
 from d4cad.program import Floats
+from d4cad.programs import load_program
 from d4cad.registry import GRAMMARS, VARIANTS, make_grammar
 from d4cad.sketch import Sketch
 

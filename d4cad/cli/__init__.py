@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from d4cad import __version__
-from d4cad.cli import beam, bench, check, combine, doctor, export, fit, grammars, simplify
+from d4cad.cli import beam, bench, check, combine, doctor, export, fit, grammars, simplify, tables
 
 app = typer.Typer(
     help="A picture of a part becomes an exact CAD part of lines and arcs.",
@@ -51,6 +51,7 @@ for _command in (
     combine.combine,
     doctor.doctor,
     bench.bench,
+    tables.tables,
     grammars.grammars,
 ):
     app.command()(_command)

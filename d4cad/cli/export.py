@@ -102,7 +102,7 @@ def export(
             raise D4cadError("there is nothing to write: name a file with -o")
         options = Options(name, schema, color, tolerance, kerf, style, dialect, form)
         check_outputs(outputs, None, None, options)
-        from d4cad.fit import load_program
+        from d4cad.programs import load_program
 
         found = load_program(program)
         placement = found.placement(width, scale, dpi, origin, thickness)

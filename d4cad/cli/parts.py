@@ -19,7 +19,7 @@ def read_loops(path: Path) -> list[Loop]:
     refused, because nothing can be said in mm about them.
     """
     from d4cad import importers, io
-    from d4cad.fit import load_program
+    from d4cad.programs import load_program
     from d4cad.sketch import loop_from_neutral
 
     if path.suffix.lower() in importers.EXTENSIONS:
