@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import ceil, inf, isfinite
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from d4cad.canvas import PAPER_RAMP, Canvas
 from d4cad.descent import Descent, Method, Record, Stage, Stop, descend
-from d4cad.errors import GeometryError, InputError
+from d4cad.errors import InputError
 from d4cad.estimators import Linearised, LocalFit
-from d4cad.fit import Fit, decibels, joined_outline, load_program
+from d4cad.fit import Fit, decibels, joined_outline
 from d4cad.objectives.distillation import Denoiser, Distillation, Wish
 from d4cad.objectives.views import PAPER, PLAIN, Views
-from d4cad.placement import Placement
 from d4cad.priors.choice import chosen
-from d4cad.program import Floats, Program
+from d4cad.program import Program
+from d4cad.programs import load_program
 from d4cad.protocols import Grammar
 from d4cad.registry import entry, make_grammar
 from d4cad.steppers import Adam, LevenbergMarquardt

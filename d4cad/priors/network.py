@@ -11,10 +11,10 @@ from torch.nn import functional as F
 SIDE = 32
 """Pixels along a picture."""
 
-WIDTHS = (64, 128, 192)
+WIDTHS = (56, 104, 152)
 """Channels on 16 x 16, 8 x 8 and 4 x 4 cells."""
 
-SIGNAL = 256
+SIGNAL = 192
 """Length of the vector that tells a block the time and the words."""
 
 HEADS = 4

@@ -122,7 +122,8 @@ def train(
         with torch.no_grad():
             for kept, now in zip(mean.parameters(), network.parameters(), strict=True):
                 kept.lerp_(now, 1 - keep)
-        seen = float(loss) if step == first else 0.98 * seen + 0.02 * float(loss)
+        now_at = float(loss.detach())
+        seen = now_at if step == first else 0.98 * seen + 0.02 * now_at
         if (step + 1) % 100 == 0:
             entry = {"step": step + 1, "samples": (step + 1) * batch, "loss": round(seen, 5)}
             entry["cpu_s"] = round(time.process_time() - began, 1)

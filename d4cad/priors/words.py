@@ -131,27 +131,19 @@ def suggestions(word: str, names: Iterable[str], tags: Mapping[str, Iterable[str
 
 
 TRAINED = """
-acorn airplane alarm alien ambulance anchor armchair atom avocado axe baby backpack balloon bank barbell barn baseball
-basket basketball bathtub beanie bed bell belt bicycle binoculars bird boat bomb bone book boot bread bridge briefcase
-broom bug bulldozer bus butterfly cactus cake calculator camera campfire car carrot chair champagne cheese cherries
-church city clock cloud clover club coffee compass cookie couch cow crane cricket crown cube cylinder desk detective
-diamond disc dna dog door dress dresser drone drop ear egg engine envelope eye eyeglasses factory fan farm feather fire
-fish flag flask flower football garage gavel gear ghost gift globe goggles guitar hamburger hammer hand handbag
-headphones heart horse hospital hourglass house island jar jeep key keyboard knife ladder lamp laptop leaf
-lifebuoy lightbulb lighthouse lightning lock magnet mailbox martini medal megaphone microphone microscope moon
-motorcycle mosque mountains mouse needle nut orange oven package pants paperclip parachute park pen pencil pepper person
-phone pill pipe pizza planet plant plug popcorn popsicle printer rabbit racquet rainbow robot rocket ruler
-sailboat scales scissors scooter screwdriver seal shield shovel shower shrimp skull smiley sneaker snowflake sock spade
-speedometer sphere spiral square stairs stamp star stethoscope stool storefront strategy suitcase sun sunglasses sword
-synagogue syringe table tag target taxi television tent thermometer ticket tire toilet toolbox tooth tornado towel
-tractor train tram trash tree triangle trolley trophy truck umbrella van vault virus volleyball wall wallet warehouse
-watch wheelchair windmill wine wrench yarn hexagon pentagon octagon circle cross hoodie cat club plus
-beer-bottle baseball-cap beach-ball bowling-ball soccer-ball tennis-ball boxing-glove castle-turret chef-hat cowboy-hat
-hard-hat graduation-cap coat-hanger coffee-bean cooking-pot fire-truck police-car fish-simple flower-lotus flower-tulip
-flying-saucer high-heel house-line ice-cream magnifying-glass music-note paint-brush paint-bucket paint-roller
-paper-plane paw-print piggy-bank pint-glass potted-plant puzzle-piece rocket-launch shooting-star shopping-bag
-shopping-cart spray-bottle star-four t-shirt traffic-cone tree-evergreen tree-palm beer-stein car-profile
-heart-straight moon-stars cloud-moon cloud-sun cloud-rain heart-break bell-ringing airplane-tilt person-arms-spread
-dice-five floppy-disk butterfly push-pin map-pin battery-full
+acorn airplane anchor armchair atom avocado axe backpack balloon barn baseball basketball bed bell belt bicycle bird
+boat bomb bone book boot bridge bug bus butterfly cactus cake camera campfire car carrot cat chair cherries church
+circle clock cloud clover coffee couch cow crane cross crown cube diamond dog door dress drop ear egg envelope eye
+eyeglasses feather fire fish flag flask flower gear ghost gift globe guitar hamburger hammer hand headphones heart
+hexagon hoodie horse hourglass house island key keyboard knife ladder lamp laptop leaf lightbulb lighthouse lightning
+lock magnet microphone microscope moon motorcycle mountains mouse needle nut octagon pants parachute pen pencil
+pentagon pepper person phone pizza planet plant rabbit racquet rainbow robot rocket ruler sailboat scales scissors
+scooter screwdriver shield shovel shower skull smiley sneaker snowflake sock spade spiral square star sun sunglasses
+sword syringe television tent thermometer ticket tire tooth train tram tree triangle trophy truck umbrella volleyball
+watch wine wrench baseball-cap battery-full beach-ball beer-bottle beer-stein bowling-ball boxing-glove car-profile
+castle-turret cloud-moon cloud-sun cowboy-hat dice-five fish-simple floppy-disk flower-lotus flower-tulip
+flying-saucer hard-hat heart-straight house-line ice-cream magnifying-glass moon-stars music-note paint-brush
+paper-plane paw-print potted-plant puzzle-piece shooting-star shopping-cart soccer-ball star-four t-shirt tennis-ball
+tree-evergreen tree-palm
 """
 """Names that the trained prior learns: things with a shape of their own."""
