@@ -16,12 +16,13 @@ from d4cad.descent import Descent, Method, Record, Stage, Stop, descend
 from d4cad.errors import InputError
 from d4cad.estimators import Linearised, LocalFit
 from d4cad.fit import Fit, decibels, joined_outline
-from d4cad.objectives.distillation import Denoiser, Distillation, Wish
+from d4cad.objectives.distillation import Denoiser, Distillation, DistillationLoss, Wish
 from d4cad.objectives.views import PAPER, PLAIN, Views
+from d4cad.placement import Placement
 from d4cad.priors.choice import chosen
 from d4cad.program import Program
 from d4cad.programs import load_program
-from d4cad.protocols import Grammar
+from d4cad.protocols import Grammar, Loss, Objective
 from d4cad.registry import entry, make_grammar
 from d4cad.steppers import Adam, LevenbergMarquardt
 
@@ -36,19 +37,25 @@ class Habit:
 
 
 HABITS: Mapping[str, Habit] = {
-    "arc-line": Habit(1e-3, 60),
-    "union-rect": Habit(2e-3, 25),
-    "tree": Habit(1e-3, 120),
+    "arc-line": Habit(2e-4, 60),
+    "union-rect": Habit(1e-3, 25),
+    "tree": Habit(4e-4, 200),
 }
 
 BLOCK = 5
 """Gradient steps between rewrites."""
 
-POLISH = 6
-"""Rounds at the last time, when the shape is decided: Levenberg-Marquardt steps."""
+POLISH = 8
+"""Rounds on one last draw, when the shape is decided: Levenberg-Marquardt steps until no rewrite pays."""
 
-SIDE = 128
-"""Most pixels along the canvas; finer pictures are interpolated from it."""
+WIDTH = 50.0
+"""Width of a part in mm, if no size is asked for."""
+
+LAST = 0.05
+"""The time at which a search ends."""
+
+COARSE, SIDE = 64, 128
+"""Least and most pixels along the canvas; pictures of other sizes are interpolated from it."""
 
 JUDGED = (0.3, 0.45, 0.6, 0.75)
 """Times at which candidates are compared, each with two noises that all of them share."""
@@ -110,7 +117,7 @@ def fit_text(
         left = deadline - time.perf_counter()
         if found and left <= 0:
             break
-        search = _Search.of(pick(number), wish, grammar, views, seed + number, settings, watch)
+        search = _Search.of(pick(seed + number), wish, grammar, views, seed + number, settings, watch)
         fit = search.run(steps, start, left / (candidates - number))
         found.append(Candidate(fit, seed + number, search.score(fit)))
         if fit.stop is Stop.INTERRUPTED:
@@ -125,6 +132,17 @@ def _check(grammar: str, steps: int, seed: int, candidates: int, max_time: float
             raise InputError(f"the {name} must be {least} or more, got {value}")
     if max_time is not None and not (isfinite(max_time) and max_time > 0):
         raise InputError(f"the time limit must be a positive number, got {max_time:g}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Same:
+    """An objective that draws the same loss each time."""
+
+    loss: Loss
+
+    def draw(self, rng: np.random.Generator) -> Loss:
+        """That loss."""
+        return self.loss
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,7 +165,7 @@ class _Search:
         cls, denoiser: Denoiser, wish: Wish, grammar: str, views: Views, seed: int, settings: Mapping[str, Any],
         watch: Watch | None,
     ) -> _Search:  # fmt: skip
-        canvas = Canvas.square(min(denoiser.size, SIDE), PAPER_RAMP)
+        canvas = Canvas.square(min(max(denoiser.size, COARSE), SIDE), PAPER_RAMP)
         language = make_grammar(grammar, "fast", canvas)
         return cls(denoiser, wish, views, canvas, language, HABITS[grammar], seed, settings, watch, [])
 
@@ -158,23 +176,22 @@ class _Search:
         cpu, wall = time.process_time(), time.perf_counter()
         rounds = max(1, ceil(steps / BLOCK))
         # a shape to go on from is not to be forgotten in noise
-        times = (0.98, 0.05) if start is None else (0.5, 0.05)
+        times = (0.98 if start is None else 0.5, LAST)
         objective = Distillation(self.denoiser, self.wish, times, rounds, views=self.views)
         first = self.grammar.axiom(self.canvas) if start is None else start.program
         found = self._descend(first, objective, Adam(self.habit.rate), (BLOCK,), rounds, self.habit.price, rng, seconds)
-        price = self.habit.price
+        price, last = self.habit.price, _Same(self.last())
         while found.stop not in (Stop.INTERRUPTED, Stop.TIME):
-            left = seconds - (time.perf_counter() - wall)
-            stepper = LevenbergMarquardt()
-            found = self._descend(found.program, objective, stepper, (4,), POLISH, price, rng, max(left, 0.0))
+            left = max(seconds - (time.perf_counter() - wall), 0.0)
+            found = self._descend(found.program, last, LevenbergMarquardt(), (8, 4), POLISH, price, rng, left)
             price *= 2
-            if self.grammar.primitives(found.program) <= self.habit.most or price > 100 * self.habit.price:
+            if self.grammar.primitives(found.program) <= self.habit.most or price > 1000 * self.habit.price:
                 break
         fit = self.fit(found.program, found.stop)
         return replace(fit, seconds=time.process_time() - cpu, wall=time.perf_counter() - wall)
 
     def _descend(
-        self, program: Program[Any], objective: Distillation, stepper: Any, rhythm: tuple[int, ...], rounds: int,
+        self, program: Program[Any], objective: Objective, stepper: Any, rhythm: tuple[int, ...], rounds: int,
         price: float, rng: np.random.Generator, seconds: float,
     ) -> Descent[Any]:  # fmt: skip
         stage = Stage(self.canvas.ramp, price, rounds, patience=rounds)
@@ -190,12 +207,15 @@ class _Search:
 
         return descend(program, self.grammar, objective, self.canvas, method, rng, note, seconds)
 
+    def last(self) -> DistillationLoss:
+        """The loss of the last time: straight on and unguided, for guidance overshoots where little is left to decide."""
+        wish = replace(self.wish, guidance=1.0, weighting="x0")
+        return Distillation(self.denoiser, wish, (LAST, LAST), 1).draw(np.random.default_rng(self.seed))
+
     def fit(self, program: Program[Any], stop: Stop) -> Fit:
         """The program as a fit whose target is what the prior makes of it at the last time."""
         coverage = self.grammar.rasterize(program, self.canvas).coverage
-        objective = Distillation(self.denoiser, self.wish, (0.05, 0.05), 1)
-        loss = objective.draw(np.random.default_rng(self.seed))
-        target = np.clip(loss.pull(coverage).near.table.target, 0, 1)
+        target = np.clip(self.last().pull(coverage).near.table.target, 0, 1)
         error = float(np.mean((coverage - target) ** 2))
         return Fit(
             program=program,
@@ -208,6 +228,7 @@ class _Search:
             seconds=0.0,
             wall=0.0,
             settings={"picture": self.wish.prompt, "seed": self.seed, **self.settings},
+            made=Placement(width=WIDTH),
             target=target,
         )
 

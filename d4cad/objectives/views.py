@@ -32,9 +32,8 @@ class View:
             seen = (self._matrix(coverage.shape) @ coverage.ravel()).reshape(self.size, self.size)
         return self.ground + (self.ink - self.ground) * seen
 
-    def back(self, gradient: Floats, shape: tuple[int, int] | None = None) -> Floats:
-        """From d/dpicture (size, size) to d/dcoverage of ``shape``, by default (size, size)."""
-        shape = shape or (self.size, self.size)
+    def back(self, gradient: Floats, shape: tuple[int, ...]) -> Floats:
+        """From d/dpicture (size, size) to d/dcoverage of ``shape``."""
         gradient = gradient * (self.ink - self.ground)
         if not self._resamples(shape):
             return gradient

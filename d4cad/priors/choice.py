@@ -10,7 +10,7 @@ from d4cad.objectives.distillation import Denoiser
 KINDS = "embedded, learned, learned:FILE or sd:FOLDER"
 
 Chosen = Callable[[int], Denoiser]
-"""A denoiser for a candidate's number: some priors know several pictures for a word."""
+"""A denoiser for a seed: some priors know several pictures for a word."""
 
 
 def chosen(name: str, prompt: str, negative: str = "", device: str = "cpu", dtype: str | None = None) -> Chosen:
@@ -25,16 +25,16 @@ def chosen(name: str, prompt: str, negative: str = "", device: str = "cpu", dtyp
         from d4cad.priors.embedded import embedded
 
         embedded(prompt, negative)  # tells of an unknown word at once
-        return lambda number: embedded(prompt, negative, number)
+        return lambda seed: embedded(prompt, negative, seed)
     denoiser: Denoiser
     if kind == "learned":
         from d4cad.priors.learned import learned
 
         denoiser = learned(prompt, negative, where or None, device)
-        return lambda number: denoiser
+        return lambda seed: denoiser
     if kind == "sd" and where:
         from d4cad.priors.latent import latent
 
         denoiser = latent(where, device, dtype)
-        return lambda number: denoiser
+        return lambda seed: denoiser
     raise InputError(f"there is no prior {name!r}, expected {KINDS}")

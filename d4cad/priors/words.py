@@ -94,6 +94,11 @@ def normal(text: str) -> str:
     return "-".join(words[1:] if len(words) > 1 and words[0] in ("a", "an", "the") else words)
 
 
+def aliased(word: str) -> str:
+    """The name that a word in the form of a name is an alias of, or that word."""
+    return ALIASES.get(word.replace("-", " "), word)
+
+
 def found(text: str, names: Iterable[str], tags: Mapping[str, Iterable[str]] | None = None) -> str:
     """The name that a prompt means: that name, an alias of it, or its singular or plural.
 
@@ -106,9 +111,8 @@ def found(text: str, names: Iterable[str], tags: Mapping[str, Iterable[str]] | N
     for form in forms(word):
         if form in known:
             return form
-        alias = ALIASES.get(form.replace("-", " "))
-        if alias in known:
-            return str(alias)
+        if aliased(form) in known:
+            return aliased(form)
     close = suggestions(word, known, tags or {})
     hint = f": did you mean {' or '.join(close)}?" if close else ""
     raise InputError(f"the prior does not know {text.strip()!r}{hint}")
