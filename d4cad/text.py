@@ -22,7 +22,7 @@ from d4cad.placement import Placement
 from d4cad.priors.choice import chosen
 from d4cad.program import Program
 from d4cad.programs import load_program
-from d4cad.protocols import Grammar, Loss, Objective
+from d4cad.protocols import Bonded, Grammar
 from d4cad.registry import entry, make_grammar
 from d4cad.steppers import Adam, LevenbergMarquardt
 
@@ -45,8 +45,8 @@ HABITS: Mapping[str, Habit] = {
 BLOCK = 5
 """Gradient steps between rewrites."""
 
-POLISH = 8
-"""Rounds on one last draw, when the shape is decided: Levenberg-Marquardt steps until no rewrite pays."""
+POLISH = 12
+"""Most rounds of Levenberg-Marquardt steps when the shape is decided."""
 
 WIDTH = 50.0
 """Width of a part in mm, if no size is asked for."""
@@ -135,17 +135,6 @@ def _check(grammar: str, steps: int, seed: int, candidates: int, max_time: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Same:
-    """An objective that draws the same loss each time."""
-
-    loss: Loss
-
-    def draw(self, rng: np.random.Generator) -> Loss:
-        """That loss."""
-        return self.loss
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Search:
     """The working parts of :func:`fit_text` for one candidate."""
 
@@ -179,33 +168,45 @@ class _Search:
         times = (0.98 if start is None else 0.5, LAST)
         objective = Distillation(self.denoiser, self.wish, times, rounds, views=self.views)
         first = self.grammar.axiom(self.canvas) if start is None else start.program
-        found = self._descend(first, objective, Adam(self.habit.rate), (BLOCK,), rounds, self.habit.price, rng, seconds)
-        price, last = self.habit.price, _Same(self.last())
+        found = self._annealed(first, objective, rng, seconds)
+        price = self.habit.price
         while found.stop not in (Stop.INTERRUPTED, Stop.TIME):
             left = max(seconds - (time.perf_counter() - wall), 0.0)
-            found = self._descend(found.program, last, LevenbergMarquardt(), (8, 4), POLISH, price, rng, left)
+            found = self._polished(found.program, price, rng, left)
             price *= 2
             if self.grammar.primitives(found.program) <= self.habit.most or price > 1000 * self.habit.price:
                 break
         fit = self.fit(found.program, found.stop)
         return replace(fit, seconds=time.process_time() - cpu, wall=time.perf_counter() - wall)
 
-    def _descend(
-        self, program: Program[Any], objective: Objective, stepper: Any, rhythm: tuple[int, ...], rounds: int,
-        price: float, rng: np.random.Generator, seconds: float,
-    ) -> Descent[Any]:  # fmt: skip
-        stage = Stage(self.canvas.ramp, price, rounds, patience=rounds)
-        method = Method((stage,), rhythm, stepper, Linearised(LocalFit(4)))
-        before = self.history[-1] if self.history else None
+    def _annealed(
+        self, program: Program[Any], objective: Distillation, rng: np.random.Generator, seconds: float
+    ) -> Descent[Any]:
+        """The program after all draws of an objective. Smooth joints can wait until the shape is decided."""
+        binding = self.grammar.binding if isinstance(self.grammar, Bonded) else frozenset()
+        rounds = objective.rounds
+        stage = Stage(self.canvas.ramp, self.habit.price, rounds, patience=rounds, without=frozenset(binding))
+        method = Method((stage,), (BLOCK,), Adam(self.habit.rate), Linearised(LocalFit(4)))
+        return descend(program, self.grammar, objective, self.canvas, method, rng, self._note(), seconds)
+
+    def _polished(self, program: Program[Any], price: float, rng: np.random.Generator, seconds: float) -> Descent[Any]:
+        """The program fitted to what the prior makes of it at the last time."""
+        pull = self.last().pull(self.grammar.rasterize(program, self.canvas).coverage)
+        stage = Stage(self.canvas.ramp, price / pull.scale, POLISH)
+        method = Method((stage,), (8, 4), LevenbergMarquardt(), LocalFit(4))
+        return descend(program, self.grammar, pull.near, self.canvas, method, rng, self._note(pull.scale), seconds)
+
+    def _note(self, scale: float = 1.0) -> Callable[[Record, Program[Any]], None]:
+        """What writes records down that go on from the last one, their loss times ``scale``, and tells the watcher."""
+        before = self.history[-1] if self.history else Record(0, 0.0, 0, 0, 0.0)
 
         def note(record: Record, now: Program[Any]) -> None:
-            if before is not None:
-                record = replace(record, step=before.step + record.step, seconds=before.seconds + record.seconds)
-            self.history.append(record)
+            step, seconds = before.step + record.step, before.seconds + record.seconds
+            self.history.append(replace(record, step=step, loss=record.loss * scale, seconds=seconds))
             if self.watch is not None:
-                self.watch(record, self.fit(now, Stop.ROUNDS))
+                self.watch(self.history[-1], self.fit(now, Stop.ROUNDS))
 
-        return descend(program, self.grammar, objective, self.canvas, method, rng, note, seconds)
+        return note
 
     def last(self) -> DistillationLoss:
         """The loss of the last time: straight on and unguided, for guidance overshoots where little is left to decide."""

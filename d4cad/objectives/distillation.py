@@ -168,7 +168,9 @@ class DistillationLoss:
         off = encoded.codes - self.estimate(encoded.codes)
         weight = WEIGHTINGS[self.wish.weighting](*self.denoiser.scales(self.time))
         back = encoded.pull_back(off * (weight / off.size))
-        gradient = np.sum([view.back(part, coverage.shape) for view, part in zip(self.views, back, strict=True)], axis=0)
+        gradient = np.sum(
+            [view.back(part, coverage.shape) for view, part in zip(self.views, back, strict=True)], axis=0
+        )
         value = 0.5 * weight * float(np.mean(off * off))
         # With J the derivative of codes by coverage, this is the Rayleigh quotient of the curvature J J' at off: exact
         # where J is a multiple of an isometry, as for pixels. Each pixel then wants gradient / curvature less.

@@ -197,4 +197,6 @@ def _check(pipeline: Any, where: str) -> None:
     if unet.cross_attention_dim != text.hidden_size or unet.addition_embed_type is not None:
         raise InputError(f"{where} is not a Stable Diffusion 1.x or 2.x pipeline: its U-Net expects other text vectors")
     if pipeline.scheduler.config.prediction_type not in AS_NOISE:
-        raise InputError(f"{where} predicts {pipeline.scheduler.config.prediction_type!r}, expected {', '.join(AS_NOISE)}")
+        raise InputError(
+            f"{where} predicts {pipeline.scheduler.config.prediction_type!r}, expected {', '.join(AS_NOISE)}"
+        )
