@@ -209,7 +209,7 @@ class _Search:
         return note
 
     def last(self) -> DistillationLoss:
-        """The loss of the last time: straight on and unguided, for guidance overshoots where little is left to decide."""
+        """The loss of the last time: straight on, and unguided: guidance overshoots where little is left to decide."""
         wish = replace(self.wish, guidance=1.0, weighting="x0")
         return Distillation(self.denoiser, wish, (LAST, LAST), 1).draw(np.random.default_rng(self.seed))
 

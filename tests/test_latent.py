@@ -57,8 +57,9 @@ def build(folder: Path, channels: int = 4, prediction: str = "epsilon") -> Path:
         cross_attention_dim=16, attention_head_dim=4, norm_num_groups=4,
     )  # fmt: skip
     vae = AutoencoderKL(
-        block_out_channels=(8, 8), down_block_types=("DownEncoderBlock2D",) * 2, up_block_types=("UpDecoderBlock2D",) * 2,
-        latent_channels=channels, norm_num_groups=4, sample_size=2 * SIDE, scaling_factor=0.3,
+        block_out_channels=(8, 8), down_block_types=("DownEncoderBlock2D",) * 2,
+        up_block_types=("UpDecoderBlock2D",) * 2, latent_channels=channels,
+        norm_num_groups=4, sample_size=2 * SIDE, scaling_factor=0.3,
     )  # fmt: skip
     pipeline = StableDiffusionPipeline(
         vae=vae, text_encoder=CLIPTextModel(text), tokenizer=tokenizer, unet=unet,

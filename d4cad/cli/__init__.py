@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from d4cad import __version__
-from d4cad.cli import beam, bench, check, combine, doctor, export, fit, grammars, simplify, tables
+from d4cad.cli import beam, bench, check, combine, doctor, export, fit, grammars, simplify, tables, text
 
 app = typer.Typer(
     help="A picture of a part becomes an exact CAD part of lines and arcs.",
@@ -44,6 +44,7 @@ def _common(
 
 for _command in (
     fit.fit,
+    text.text,
     beam.beam,
     export.export,
     simplify.simplify,

@@ -1,8 +1,8 @@
 """Score distillation (Poole et al. 2022, "DreamFusion"): a denoiser pulls a shape towards what a prompt says.
 
 Coverage is shown to a denoiser under noise; what it takes the noise to be, against what the noise was, says how the
-picture would have to change to be likelier. A round's noise, time and views are drawn once, so that all its programs are
-compared on the same ones, and a program that was seen in it is not asked for again.
+picture would have to change to be likelier. A round's noise, time and views are drawn once, so that all its programs
+are compared on the same ones, and a program that was seen in it is not asked for again.
 """
 
 from __future__ import annotations
@@ -115,8 +115,8 @@ class Pull:
     """What a denoiser says of one raster.
 
     value: the weighted squared distance from its estimates. gradient: (height, width) of it by coverage, the estimates
-    held fixed. near: around that raster the value is ``scale`` times this loss and a constant, to first order; to second
-    order along the gradient.
+    held fixed. near: around that raster the value is ``scale`` times this loss and a constant, to first order; to
+    second order along the gradient.
     """
 
     value: float

@@ -44,8 +44,8 @@ def drawn(paths: Sequence[str]) -> NDArray[np.bool_]:
     for path in paths:
         axes.add_patch(PathPatch(outline(path), facecolor="black", linewidth=0))
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    ink = 255.0 - np.asarray(canvas.buffer_rgba())[::-1, :, 0]
+    canvas.draw()  # type: ignore[no-untyped-call]
+    ink = 255.0 - np.asarray(canvas.buffer_rgba())[::-1, :, 0]  # type: ignore[no-untyped-call]
     means = ink.reshape(SIDE, OVERSAMPLED, SIDE, OVERSAMPLED).mean(axis=(1, 3))
     return np.asarray(means > 127.5)
 
@@ -58,7 +58,7 @@ def outline(data: str) -> Any:
 
     path = Drawn(data)
     path.approximate_arcs_with_cubics()
-    codes = {
+    codes: dict[Any, tuple[list[Any], tuple[str, ...]]] = {
         Move: ([Outline.MOVETO], ("end",)),
         Line: ([Outline.LINETO], ("end",)),
         CubicBezier: ([Outline.CURVE4] * 3, ("control1", "control2", "end")),

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import as_file, files
 from math import cos, pi, sin
-from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +25,7 @@ SHIPPED = "learned.safetensors"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LearnedDenoiser:
-    """The network of :mod:`d4cad.priors.network`, whose pictures' codes are 2 coverage - 1; the schedule is the cosine's.
+    """The network of :mod:`d4cad.priors.network`: a picture's code is 2 coverage - 1, the schedule is the cosine's.
 
     conditions: for each prompt how much of each word's vector, (words + 1,).
     """
@@ -73,13 +73,11 @@ class LearnedDenoiser:
         return np.asarray(sigma * noisy + alpha * v.cpu().double().numpy())
 
 
-def learned(
-    prompt: str, negative: str = "", path: str | PathLike[str] | None = None, device: str = "cpu"
-) -> LearnedDenoiser:
+def learned(prompt: str, negative: str = "", path: str | Path | None = None, device: str = "cpu") -> LearnedDenoiser:
     """The denoiser of the shipped weights or those of a file.
 
-    A prompt may have several words, whose mean it is: "cloud moon". Raises InputError for an empty prompt or a word that
-    the weights do not know, for weights that are missing, damaged or of another network, and without torch.
+    A prompt may have several words, whose mean it is: "cloud moon". Raises InputError for an empty prompt or a word
+    that the weights do not know, for weights that are missing, damaged or of another network, and without torch.
     """
     try:
         import torch
@@ -137,4 +135,4 @@ def condition(prompt: str, vocabulary: Sequence[str]) -> Floats:
             close = suggestions(part, vocabulary, {})
             hint = f": did you mean {' or '.join(close)}?" if close else ""
             raise InputError(f"the learned prior does not know {part!r}{hint}")
-    return found / found.sum()
+    return np.asarray(found / found.sum())

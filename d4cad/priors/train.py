@@ -1,7 +1,8 @@
 """Trains the learned prior on the shipped silhouettes: `python -m d4cad.priors.train`.
 
 Writes weights (safetensors, float16), a checkpoint to go on from, and a log of one JSON line every hundred steps. The
-random numbers of a step follow from the seed and the step alone, so that a run which was ended goes on as it would have.
+random numbers of a step follow from the seed and the step alone, so that a run which was ended goes on as it would
+have.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from d4cad.errors import InputError
 from d4cad.files import replacing
 
-TYPES = {"F16": np.dtype("<f2"), "F32": np.dtype("<f4")}
+TYPES: dict[str, np.dtype[Any]] = {"F16": np.dtype("<f2"), "F32": np.dtype("<f4")}
 NAMES = {kind: name for name, kind in TYPES.items()}
 
 Arrays = dict[str, NDArray[Any]]
@@ -53,7 +53,7 @@ def read_weights(path: str | Path) -> tuple[Arrays, dict[str, str]]:
         arrays: Arrays = {}
         for name, entry in head.items():
             first, last = entry["data_offsets"]
-            kind = TYPES[entry["dtype"]]
+            kind: np.dtype[Any] = TYPES[entry["dtype"]]
             if not 0 <= first <= last <= len(body):
                 raise ValueError(f"{name} lies outside the file")
             arrays[name] = np.frombuffer(body[first:last], kind).reshape(entry["shape"])
