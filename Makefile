@@ -6,6 +6,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet -c constraints.txt
 LIGHT := $(VENV)/.light-stamp
 DEV := $(VENV)/.dev-stamp
+DOCS := $(VENV)/.docs-stamp
 PINS := pyproject.toml constraints.txt
 
 .PHONY: demo test lint bench tables docs venv clean
@@ -32,6 +33,11 @@ bench: $(DEV)
 tables: $(DEV)
 	$(BIN)/d4cad tables $(if $(DATA),--data $(DATA)) $(ARGS)
 
+# The site, in out/site: open out/site/index.html. Building it needs no network. The gallery and the figures are drawn
+# by docs/gallery.py and docs/figures.py and kept.
+docs: $(if $(wildcard $(DEV)),$(DEV),$(DOCS))
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
 venv: $(DEV)
 
 $(BIN)/python:
@@ -41,6 +47,10 @@ $(BIN)/python:
 
 $(LIGHT): $(PINS) | $(BIN)/python
 	$(PIP) -e '.[build123d]'
+	touch $@
+
+$(DOCS): $(PINS) | $(BIN)/python
+	$(PIP) -e '.[docs]'
 	touch $@
 
 # Two distributions own the module OCP; CadQuery works only when cadquery-ocp was written last.

@@ -1,9 +1,10 @@
 """Editable source, executed: how far its solid is from the kernel's own of the same sketch, by dialect.
 
-    python benchmarks/source.py [--shapes 200] [--data DIR] [--dialects build123d build123d-algebra cadquery]
+    python benchmarks/source.py [--shapes 200] [--data DIR] [--snap] [--dialects build123d build123d-algebra cadquery]
 
 Shapes are drawn by `d4cad.shapes.generate`, of 8, 40 and 95 primitives in turn, shape k with the seed k, and scaled to
-some 100 mm; with --data, every shape of every `{set}.json` in the neutral format is added. For each dialect it prints
+some 100 mm; with --data, every shape of every `{set}.json` in the neutral format is added. With --snap they are drawn
+as exact rasters of 256 pixels and fitted first, so that they have relations and named sizes. For each dialect it prints
 the worst relative error of the volume against `exporters.occ` and against area x thickness, the largest shift of
 the centroid relative to the part's size, how many solids were invalid, and the time that writing and running took.
 """
@@ -21,8 +22,12 @@ from typing import Any
 
 import numpy as np
 
+from d4cad.bench import coverage
+from d4cad.canvas import Canvas
 from d4cad.exporters import occ
 from d4cad.exporters.source import PYTHON, source
+from d4cad.fitting import fit_coverage
+from d4cad.placement import Placement
 from d4cad.shapes import DIFFICULTIES, generate
 from d4cad.sketch import Sketch
 
@@ -52,6 +57,14 @@ def sketches(shapes: int, data: Path | None) -> Iterator[tuple[str, Sketch]]:
     for file in sorted(data.glob("*.json")) if data is not None else ():
         for entry in json.loads(file.read_text(encoding="utf-8")):
             yield f"{file.stem}_{entry['index']}", Sketch.from_neutral(entry["loops"]).scaled(MM)
+
+
+def fitted(shape: Sketch) -> Sketch:
+    """The shape as it is found in its raster, with relations, in mm."""
+    canvas = Canvas.square(256)
+    placement = Placement(scale=MM * canvas.pixel, origin="center")
+    found = fit_coverage(coverage(shape.scaled(1 / MM, "world"), canvas), canvas, snap=True, size=placement)
+    return placement.place(found.outline, canvas)
 
 
 def executed(text: str) -> Any:
@@ -89,9 +102,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="editable source against the kernel's own solids")
     parser.add_argument("--shapes", type=int, default=200)
     parser.add_argument("--data", type=Path)
+    parser.add_argument("--snap", action="store_true")
     parser.add_argument("--dialects", nargs="+", default=tuple(PYTHON), choices=tuple(PYTHON))
     chosen = parser.parse_args()
-    found = list(sketches(chosen.shapes, chosen.data))
+    found = [(name, fitted(shape) if chosen.snap else shape) for name, shape in sketches(chosen.shapes, chosen.data)]
     print(f"{len(found)} shapes; worst relative error of the volume against OCP, against area x thickness; shift")
     for dialect in chosen.dialects:
         worst = Worst()

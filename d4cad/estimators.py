@@ -47,7 +47,8 @@ class Stepped:
             evaluation = loss.evaluate(grammar.rasterize(program, canvas))
             params, state = self.stepper.step(program, evaluation, state)
             program = program.moved(params)
-        return loss.value(grammar.rasterize(program, canvas)) + price * grammar.complexity(program)
+        _, value = self.stepper.best(program.params, loss.value(grammar.rasterize(program, canvas)), state)
+        return value + price * grammar.complexity(program)
 
 
 class LocalTrials(Protocol):

@@ -29,6 +29,8 @@ from d4cad.snapping import Snap
 
 JOINING = (1e-4, 0.1)
 """Least and largest tolerance in pixels within which neighbouring edges are joined."""
+OF_BODIES = (".step", ".stp", ".brep", ".dxf", ".svg")
+"""Files that can hold bodies that lap over each other, each by itself."""
 LEEWAY = 3.0
 """That tolerance as a multiple of the root mean square distance by which the fit misses the picture's boundary."""
 
@@ -41,7 +43,8 @@ class Fit:
     circle joined. seconds, wall: CPU and elapsed seconds of the optimisation. settings: what was asked for, as JSON
     values. made: size and origin that the picture or the program file states. target: (height, width) coverage, row 0
     lowest; None if the fit came from a program file. start_psnr, start_primitives: of the program that the search began
-    with. snap: what regularisation has done, None if it was not asked for.
+    with. snap: what regularisation has done, None if it was not asked for. bodies: what STEP, BREP, DXF and SVG files
+    hold in place of the outline, in world units.
     """
 
     program: Program[Any]
@@ -59,6 +62,7 @@ class Fit:
     start_psnr: float = 0.0
     start_primitives: int = 0
     snap: Snap | None = None
+    bodies: Sketch | None = None
 
     @property
     def relations(self) -> tuple[Relation, ...]:
@@ -68,7 +72,12 @@ class Fit:
     @property
     def counted(self) -> str | None:
         """What the grammar counts, such as "rectangle"; None where the outline's edges count."""
-        return entry(self.grammar.name).counted
+        return entry(self.language).counted
+
+    @property
+    def language(self) -> str:
+        """The name by which the grammar was asked for: its own, or MODULE:OBJECT."""
+        return str(self.settings.get("grammar", self.grammar.name))
 
     @property
     def primitives(self) -> int:
@@ -122,11 +131,14 @@ class Fit:
 
         Raises InputError for a grammar without rectangles.
         """
+        placement = self.placement(width, scale, dpi, origin)
+        return tuple(placement.place(self.outline, self.canvas, piece) for piece in self.world_rectangles())
+
+    def world_rectangles(self) -> tuple[Sketch, ...]:
+        """The same in world units."""
         if not isinstance(self.grammar, Composed):
             raise InputError(f"a program in the grammar {self.grammar.name} is not a union of rectangles")
-        placement = self.placement(width, scale, dpi, origin)
-        pieces = self.grammar.rectangles(self.program)
-        return tuple(placement.place(self.outline, self.canvas, piece) for piece in pieces)
+        return self.grammar.rectangles(self.program)
 
     def notes(self, placement: Placement, *, solid: bool) -> tuple[str, ...]:
         """What was assumed for a part so placed, a sentence each; ``solid``: whether a thickness matters."""
@@ -178,7 +190,8 @@ class Fit:
             given = {} if options is None else options.given
             if suffix in exporters.SOURCES:  # code tells its reader where it comes from
                 given.setdefault("name", str(self.settings.get("picture") or path.stem))
-            exporters.write(sketch, path, thickness=thickness, **given)
+            drawn = placement.place(self.outline, self.canvas, self.bodies) if suffix in OF_BODIES else sketch
+            exporters.write(drawn, path, thickness=thickness, **given)
 
     def write_preview(self, path: str | PathLike[str]) -> None:
         """Write target, outline with vertices, and error as .png or .svg. Raises ExportError."""
@@ -197,7 +210,7 @@ class Fit:
         )
         loops = self.outline if sketch is None else sketch
         return io.ProgramFile(
-            grammar=self.grammar.name,
+            grammar=self.language,
             structure=self.grammar.encode(self.program.structure),
             params=tuple(self.program.params.tolist()),
             canvas=self.canvas,

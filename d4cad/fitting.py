@@ -43,6 +43,9 @@ NOISE_LIKE = 12.0
 PATIENCE = 20.0
 """Seconds that a picture of noise has where no time limit is given."""
 Watch = Callable[[Record], None]
+Follow = Callable[[Record | None, Floats], None]
+"""Called with what the search begins with, and after every round: its record, and coverage (height, width), row 0
+lowest."""
 
 
 def fit_image(
@@ -62,6 +65,7 @@ def fit_image(
     size: Placement | None = None,
     smooth: float = 0.0,
     despeckle: int = 0,
+    follow: Follow | None = None,
 ) -> Fit:
     """Fit a program to a picture.
 
@@ -69,12 +73,12 @@ def fit_image(
     subset of the grammar's rewrites, None for all that the method uses. init: "contour", the picture's traced outline;
     "axiom", the grammar's own start; or a program file or fit to go on from. None is the contour for method "fast", if
     the grammar can draw it, and the axiom for "paper". max_time: seconds. threshold, invert, smooth, despeckle: as
-    :func:`d4cad.images.load` has them. watch: called with a Record after every round. ramp: half-width in pixels of the
-    picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster. snap: make relations exact that the
-    picture makes likely (:mod:`d4cad.regularize`); None: unless the method is "paper". size: of the part, if known:
-    sizes in mm may be made round then. A picture of more than 1024 pixels a side is fitted at a coarse scale first, see
-    :func:`d4cad.pyramid.fit_pyramid`. Raises InputError for what cannot be used. Ctrl-C ends the search with the best
-    program so far.
+    :func:`d4cad.images.load` has them. watch: called with a Record after every round; follow: with coverage too. ramp:
+    half-width in pixels of the picture's edges; None measures it, 1/sqrt(2) is the paper's exact raster. snap: make
+    relations exact that the picture makes likely (:mod:`d4cad.regularize`); None: unless the method is "paper". size:
+    of the part, if known: sizes in mm may be made round then. A picture of more than 1024 pixels a side is fitted at a
+    coarse scale first, see :func:`d4cad.pyramid.fit_pyramid`. Raises InputError for what cannot be used. Ctrl-C ends
+    the search with the best program so far.
     """
     _check_request(seed, max_time, ramp)
     start = _start(init, grammar)
@@ -82,7 +86,7 @@ def fit_image(
     asked = {"threshold": threshold, "invert": invert, "smooth": smooth, "despeckle": despeckle}
     return fit_picture(
         picture, method=method, grammar=grammar, variant=variant, init=start, seed=seed, max_time=max_time,
-        watch=watch, ramp=ramp, snap=snap, size=size, asked=asked,
+        watch=watch, ramp=ramp, snap=snap, size=size, asked=asked, follow=follow,
     )  # fmt: skip
 
 
@@ -100,6 +104,7 @@ def fit_picture(
     snap: bool | None = None,
     size: Placement | None = None,
     asked: Mapping[str, Any] | None = None,
+    follow: Follow | None = None,
 ) -> Fit:
     """Fit a program to a picture that is loaded; ``asked``: settings of its loading for the record.
 
@@ -134,6 +139,7 @@ def fit_picture(
         slack=model.slack,
         snap=snap,
         size=size,
+        follow=follow,
     )
     if fit.psnr < NOISE_LIKE:
         notes.append(f"the outline explains little of the picture ({fit.psnr:.1f} dB): is it noise or shaded?")
@@ -157,6 +163,7 @@ def fit_coverage(
     slack: float = 0.0,
     snap: bool | None = None,
     size: Placement | None = None,
+    follow: Follow | None = None,
 ) -> Fit:
     """Fit a program to coverage on a canvas: (height, width) in [0, 1], row 0 lowest.
 
@@ -186,6 +193,11 @@ def fit_coverage(
         seen.append(program)
         if watch is not None:
             watch(record)
+        if follow is not None:
+            follow(record, language.rasterize(program, canvas).coverage)
+
+    if follow is not None:
+        follow(None, language.rasterize(first, canvas).coverage)
 
     found = descend(
         first,
@@ -218,6 +230,7 @@ def fit_coverage(
             "max_time": max_time,
             "snap": snap,
             "floor": floor,
+            **({} if language.name == grammar else {"grammar": grammar}),
         },
         target=target,
         start_psnr=decibels(float(np.mean((language.rasterize(first, canvas).coverage - target) ** 2))),
@@ -274,8 +287,12 @@ def _first(start: str | Fit, language: Grammar[Any], target: Floats, canvas: Can
 
 def _framed(target: Floats) -> Floats:
     """The target with a margin of ground where the shape runs up to the picture's border: the part ends there too."""
-    border = np.concatenate([target[0], target[-1], target[:, 0], target[:, -1]])
-    return np.pad(target, MARGIN) if np.any(border > 0.5) else target
+    return np.pad(target, MARGIN) if touches_border(target) else target
+
+
+def touches_border(target: Floats) -> bool:
+    """Whether the shape in a target (height, width) runs up to its border."""
+    return bool((np.concatenate([target[0], target[-1], target[:, 0], target[:, -1]]) > 0.5).any())
 
 
 def _drawable(grammar: Grammar[Any], programs: Sequence[Program[Any]]) -> Program[Any]:
@@ -325,7 +342,7 @@ def _start(init: str | PathLike[str] | Fit | None, grammar: str) -> str | Fit | 
     """The fit to go on from, or the name of a way to begin; None for the method's own."""
     if init is None or (isinstance(init, str) and init in STARTS):
         return init
-    start = init if isinstance(init, Fit) else load_program(init)
-    if start.grammar.name != grammar:
-        raise InputError(f"the program to start from is in the grammar {start.grammar.name}, expected {grammar}")
+    start = init if isinstance(init, Fit) else load_program(init, grammar)
+    if start.language != grammar:
+        raise InputError(f"the program to start from is in the grammar {start.language}, expected {grammar}")
     return start

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from d4cad.errors import InputError
 from d4cad.fit import Fit
-from d4cad.fitting import MARGIN, Watch, fit_picture
+from d4cad.fitting import MARGIN, Watch, fit_picture, touches_border
 from d4cad.images import Picture, decode
 from d4cad.placement import Placement
 from d4cad.preprocess import despeckled, require_cleaning, smoothed
@@ -105,7 +105,7 @@ def fit_layers(
     read = decode(source)
     found = []
     split = layers(source, count, smooth=smooth, despeckle=despeckle)
-    margin = any(_touches_border(layer.target) for layer in split)
+    margin = any(touches_border(layer.target) for layer in split)
     for layer in split:
         # Every layer gets the margin that one of them needs, for they share a canvas.
         target = np.pad(layer.target, MARGIN) if margin else layer.target
@@ -126,10 +126,6 @@ def together(fits: Sequence[Fit], placement: Placement) -> Placement:
     if placement.width is not None:
         placement = replace(placement, width=None, scale=placement.width * canvas.pixel / (xmax - xmin))
     return replace(placement, origin="drawing", zero=zero)
-
-
-def _touches_border(target: Floats) -> bool:
-    return bool((np.concatenate([target[0], target[-1], target[:, 0], target[:, -1]]) > 0.5).any())
 
 
 def _on_white(values: Floats) -> tuple[Floats, Floats | None]:

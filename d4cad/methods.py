@@ -95,6 +95,25 @@ def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
     return Method((*wide, *sharp), (12, 6, 6), LevenbergMarquardt(), LocalFit(4))
 
 
+def general(canvas: Canvas, floor: float = 0.0) -> Method:
+    """Settings that suit any grammar: Levenberg-Marquardt, proposals scored by a few steps of the whole program.
+
+    The ramp narrows from a sixteenth of the canvas, by which primitives find what is far from them; then the price of a
+    primitive falls from a mean squared error of 1.6e-3 to 1e-5, or to ``floor`` as for :func:`fast`.
+    """
+    stepper = LevenbergMarquardt()
+    prices = [max(price, floor / canvas.size) for price in (1.6e-3, 4e-4, 1e-4, 1e-5)]
+    wide = [Stage(ramp, prices[0], rounds=4) for ramp in (max(canvas.shape) / 16, max(canvas.shape) / 64)]
+    stages = [stage for stage in wide if stage.ramp > canvas.ramp]
+    stages += [Stage(canvas.ramp, price, rounds=40) for price in prices]
+    return Method(tuple(stages), (12, 6), stepper, Stepped(stepper, 8), sample=64)
+
+
+def general_paper(canvas: Canvas, floor: float = 0.0) -> Method:
+    """The publication's settings for a grammar that it does not have."""
+    return _published(canvas, ClippedGradient(), 1e-4)
+
+
 def fast_rectangles(canvas: Canvas, floor: float = 0.0) -> Method:
     """Ours for rectangles, which approach most shapes and seldom reach them: no price is low enough to end at.
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from d4cad import exporters
 from d4cad.errors import ExportError, InputError
+from d4cad.exporters.form import Form
 from d4cad.files import check_writable
 from d4cad.placement import DEFAULT_THICKNESS
 
@@ -35,6 +36,7 @@ def check_output(path: Path, *, has_picture: bool, options: exporters.Options | 
     check_writable(path)
 
 
-def is_solid(path: Path) -> bool:
-    """Whether a file of this kind has a thickness."""
-    return path.suffix.lower() in SOLIDS
+def has_thickness(path: Path, form: Form) -> bool:
+    """Whether the part's thickness has a say in a file of this kind, of this form if it takes one."""
+    suffix = path.suffix.lower()
+    return suffix in SOLIDS and (form.needs_thickness or "form" not in exporters.WRITERS[suffix].takes)

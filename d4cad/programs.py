@@ -18,8 +18,10 @@ from d4cad.errors import D4cadError, InputError
 from d4cad.fit import Fit, decibels, joined_outline
 from d4cad.grammars.arc_line import ArcLine
 from d4cad.grammars.arc_line.structure import Structure
+from d4cad.grammars.tree import Tree
 from d4cad.importers import Drawing
 from d4cad.placement import Placement, stated
+from d4cad.plugins import is_script
 from d4cad.program import Floats, Program
 from d4cad.registry import entry, make_grammar
 from d4cad.sketch import Sketch
@@ -31,17 +33,18 @@ SIDE = 1024
 """Pixels along the canvas of a drawing."""
 
 
-def load_program(path: str | PathLike[str]) -> Fit:
+def load_program(path: str | PathLike[str], grammar: str | None = None) -> Fit:
     """The fit that a program file holds, its target excepted, or the program of a .dxf or .svg drawing.
 
-    Raises InputError or GeometryError, which name the file.
+    grammar: the script's grammar, as MODULE:OBJECT or FILE.py:OBJECT, that the file may be in: opening a file runs no
+    code that the file alone names. Raises InputError or GeometryError, which name the file.
     """
     path = Path(path)
     if path.suffix.lower() in importers.EXTENSIONS:
         return from_drawing(importers.read(path), path.name)
     file = io.read(path)
     try:
-        return _decoded(file)
+        return _decoded(file, grammar)
     except D4cadError as error:
         raise InputError(f"{path} is not a usable program file: {error}") from None
 
@@ -92,7 +95,9 @@ def moved_onto(start: Fit, target: Floats, canvas: Canvas) -> Program[Structure]
     return ArcLine(canvas.pixel).drawn(outline.loops)
 
 
-def _decoded(file: io.ProgramFile) -> Fit:
+def _decoded(file: io.ProgramFile, allowed: str | None) -> Fit:
+    if is_script(file.grammar) and file.grammar != allowed:
+        raise InputError(f"its grammar {file.grammar} is code that runs only where it is named: --grammar")
     found = entry(file.grammar)
     grammar = make_grammar(file.grammar, "fast", file.canvas)
     structure = grammar.decode(file.structure)
@@ -105,6 +110,8 @@ def _decoded(file: io.ProgramFile) -> Fit:
         outline = _related(grammar.outline(program), file)
     elif "drawing" in file.settings:  # it was drawn so: nothing is off that joining could mend
         outline = grammar.outline(program)
+    elif "branches" in file.settings and isinstance(grammar, Tree):
+        outline = grammar.outline(program, _width(file.settings["branches"]))
     else:
         outline = joined_outline(grammar, program, file.canvas, 10 ** (-file.psnr / 10))
     return Fit(
@@ -117,7 +124,10 @@ def _decoded(file: io.ProgramFile) -> Fit:
         stop=Stop[file.stop.upper()],
         seconds=_seconds(file.extra, "cpu_s"),
         wall=_seconds(file.extra, "wall_s"),
-        settings={key: value for key, value in file.settings.items() if key != "placement"},
+        settings={
+            **{key: value for key, value in file.settings.items() if key not in ("placement", "grammar")},
+            **({} if grammar.name == file.grammar else {"grammar": file.grammar}),
+        },
         made=stated(file.settings.get("placement", {})),
     )
 
@@ -133,6 +143,12 @@ def _related(outline: Sketch, file: io.ProgramFile) -> Sketch:
         relations=tuple(relation.scaled(factor) for relation in file.relations),
         dimensions=tuple(dimension.scaled(factor) for dimension in file.dimensions),
     )
+
+
+def _width(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0 < value < SPAN:
+        raise InputError(f"its branches have a width of {value!r}, expected a number of world units")
+    return float(value)
 
 
 def _seconds(extra: Mapping[str, Any], key: str) -> float:

@@ -1,11 +1,17 @@
-"""Grammars, their variants and methods by the names they have on the command line."""
+"""Grammars, their variants and methods by the names they have on the command line.
+
+A grammar of another package is an `Entry` that it names under the entry points "d4cad.grammars"; that of a script is
+called MODULE:OBJECT or FILE.py:OBJECT (docs/grammar-authoring.md).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from typing import Any
 
+from d4cad import plugins
 from d4cad.canvas import Canvas
 from d4cad.descent import Method
 from d4cad.errors import InputError
@@ -17,7 +23,16 @@ from d4cad.grammars.tree import places as tree_places
 from d4cad.grammars.tree.leaves import DISC
 from d4cad.grammars.union_rect import UnionRect, angle_metric
 from d4cad.grammars.union_rect import places as rect_places
-from d4cad.methods import fast, fast_rectangles, fast_tree, paper, paper_rectangles, paper_tree
+from d4cad.methods import (
+    fast,
+    fast_rectangles,
+    fast_tree,
+    general,
+    general_paper,
+    paper,
+    paper_rectangles,
+    paper_tree,
+)
 from d4cad.program import Floats
 from d4cad.protocols import Grammar, RuleFacts
 
@@ -34,19 +49,22 @@ Rules = frozenset[str]
 class Entry:
     """A grammar and how the methods use it.
 
-    fast, paper: the grammar with the given rules as the default method and as the paper has it. methods: their settings
-    by name, given the canvas and the last price of a primitive in summed squared error. size: number of parameters of a
-    structure. rules: facts of all its rewrites by name. paper_rules: those that the paper has. counted: what its
+    fast: the grammar with the given rules as the default method has it. rules: facts of all its rewrites by name.
+    methods: their settings by name, given the canvas and the last price of a primitive in summed squared error; by
+    default ones that suit any grammar. size: number of parameters of a structure, by default its ``size``. paper,
+    paper_rules: the grammar and its rewrites as the paper has them, by default as ``fast`` and all. counted: what its
     programs count, if that is not the edges of the outline. for_target: the grammar with an axiom made for a target.
     area: whether its raster can be that of exact area coverage.
     """
 
     fast: Callable[[Canvas, Rules], Grammar[Any]]
-    paper: Callable[[Canvas, Rules], Grammar[Any]]
-    methods: Mapping[str, Callable[[Canvas, float], Method]]
-    size: Callable[[Any], int]
     rules: Mapping[str, RuleFacts]
-    paper_rules: tuple[str, ...]
+    methods: Mapping[str, Callable[[Canvas, float], Method]] = field(
+        default_factory=lambda: {"fast": general, "paper": general_paper}
+    )
+    size: Callable[[Any], int] = attrgetter("size")
+    paper: Callable[[Canvas, Rules], Grammar[Any]] | None = None
+    paper_rules: tuple[str, ...] | None = None
     counted: str | None = None
     for_target: Callable[[Any, Floats, Canvas], Grammar[Any]] | None = None
     area: bool = False
@@ -83,7 +101,7 @@ def _paper_tree(canvas: Canvas, rules: Rules) -> Tree:
     return Tree(rules, places=tree_places.UniformPlaces(), reach=1, least=0.03)
 
 
-GRAMMARS = {
+GRAMMARS: dict[str, Entry] = {
     "arc-line": Entry(
         fast=lambda canvas, rules: ArcLine(canvas.pixel, rules),
         paper=_paper_arc_line,
@@ -116,7 +134,7 @@ GRAMMARS = {
 
 
 def _without(grammar: str, *rules: str) -> Variant:
-    return Variant(grammar, tuple(rule for rule in GRAMMARS[grammar].paper_rules if rule not in rules))
+    return Variant(grammar, tuple(rule for rule in GRAMMARS[grammar].paper_rules or () if rule not in rules))
 
 
 def _tree(*rules: str, note: str = "", **settings: Any) -> Variant:
@@ -143,11 +161,24 @@ VARIANTS = {
 """The paper's ablations (SPEC 1.7), and trees of discs."""
 
 
+def names() -> tuple[str, ...]:
+    """The names of the grammars that are installed, d4cad's own first."""
+    return (*GRAMMARS, *(name for name in plugins.names() if name not in GRAMMARS))
+
+
 def entry(grammar: str) -> Entry:
-    """The grammar's entry. Raises InputError for an unknown name."""
-    if grammar not in GRAMMARS:
-        raise InputError(f"there is no grammar {grammar!r}, expected one of: {', '.join(GRAMMARS)}")
-    return GRAMMARS[grammar]
+    """The grammar's entry: d4cad's own, another package's, or, for MODULE:OBJECT and FILE.py:OBJECT, a script's.
+
+    Raises InputError for an unknown name and for a grammar that cannot be loaded.
+    """
+    if grammar in GRAMMARS:
+        return GRAMMARS[grammar]
+    if not plugins.is_script(grammar) and grammar not in plugins.names():
+        raise InputError(f"there is no grammar {grammar!r}, expected one of: {', '.join(names())}")
+    found = plugins.load(grammar)
+    if not isinstance(found, Entry):
+        raise InputError(f"the grammar {grammar} should be a d4cad.registry.Entry, got {type(found).__name__}")
+    return found
 
 
 def make_grammar(
@@ -160,15 +191,17 @@ def make_grammar(
     """
     found = entry(grammar)
     published = method == "paper"
-    rules, settings = frozenset(found.paper_rules if published else found.rules), {}
+    every = found.rules if found.paper_rules is None or not published else found.paper_rules
+    rules, settings = frozenset(every), {}
     if variant is not None:
         if variant not in VARIANTS:
             raise InputError(f"there is no variant {variant!r}, expected one of: {', '.join(VARIANTS)}")
         if VARIANTS[variant].grammar != grammar:
             raise InputError(f"{variant} is a variant of {VARIANTS[variant].grammar}, not of {grammar}")
         rules, settings = frozenset(VARIANTS[variant].rules), dict(VARIANTS[variant].settings)
-    plain: Any = found.paper(canvas, rules) if published else found.fast(canvas, rules)
-    made: Grammar[Any] = replace(plain, **settings)
+    make = found.paper if published and found.paper is not None else found.fast
+    plain: Any = make(canvas, rules)
+    made: Grammar[Any] = replace(plain, **settings) if settings else plain
     return found.for_target(made, target, canvas) if target is not None and found.for_target is not None else made
 
 

@@ -260,8 +260,9 @@ class NullSpace:
     With g and h the gradients of loss and constraint, the step is -a M^-1 (g - l h), l such that it keeps the
     constraint to first order, plus the shortest step that restores it, -c M^-1 h / (h' M^-1 h). ``length``: of the
     first step and ``reach`` of the longest, in the root of the metric's square; ``restore``: of the longest restoring
-    one. A step that raised the loss is taken back and tried at a third of its length; one that lowered it lets the
-    next be longer by ``growth``. ``tolerance``: relative decrease under which the program is settled.
+    one. A step that raised the loss is taken back and both its parts are tried at a third of their length; one that
+    lowered it lets the next be longer by ``growth``. ``tolerance``: relative decrease under which the program is
+    settled.
     """
 
     length: float = 3.0
@@ -293,26 +294,36 @@ class NullSpace:
                 done = length < self.least
         return at + self._direction(here, length), Flow(length, at, here, done)
 
+    def restoring(self, here: Evaluation) -> Floats:
+        """The shortest step (n,) that fulfils the constraint to first order; zeros where nothing moves it."""
+        return self._parts(here)[2]
+
     def _direction(self, here: Evaluation, length: float) -> Floats:
+        metric, along, back = self._parts(here)
+
+        down, up = (sqrt(max(float(part @ metric @ part), 0.0)) for part in (along, back))
+        move = along * (length / down) if down > 0 else np.zeros_like(along)
+        most = self.restore * min(1.0, length / self.length)
+        return np.asarray(move + back * min(1.0, most / max(up, 1e-300)))
+
+    def _parts(self, here: Evaluation) -> tuple[Floats, Floats, Floats]:
+        """The metric, the way down along the constraint, of any length, and the whole restoring step."""
         if here.curvature is None or here.constraint is None:
             raise ValueError("a null space step needs a metric and a constraint")
         metric = np.array(here.curvature)
         diagonal = np.diagonal(metric).copy()
-        np.fill_diagonal(metric, diagonal * (1 + self.damping) + 0.01 * diagonal.mean())
         h = here.constraint.gradient
+        if not diagonal.any():  # nothing moves anything: a part that has left its canvas
+            return metric, np.zeros_like(h), np.zeros_like(h)
+        np.fill_diagonal(metric, diagonal * (1 + self.damping) + 0.01 * diagonal.mean())
         _, both, failed = dposv(metric, np.stack([here.gradient, h], axis=1))
         if failed:
             raise ValueError("the metric of a null space step is not positive definite")
         down, across = both.T
         grip = float(h @ across)
-        along = -(down - across * (float(h @ down) / grip)) if grip > 0 else -down
-        size = sqrt(max(float(along @ metric @ along), 0.0))
-        move = along * (length / size) if size > 0 else np.zeros_like(along)
-        if grip > 0:
-            back = -here.constraint.residual / grip * across
-            size = sqrt(max(float(back @ metric @ back), 0.0))
-            move = move + back * min(1.0, self.restore / max(size, 1e-300))
-        return np.asarray(move)
+        if grip <= 0:
+            return metric, -down, np.zeros_like(across)
+        return metric, across * (float(h @ down) / grip) - down, across * (-here.constraint.residual / grip)
 
     def best(self, params: Floats, value: float, state: Flow) -> tuple[Floats, float]:
         """The better of the last and the best point."""

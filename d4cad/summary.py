@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from d4cad.exporters.form import PLAIN, Form
 from d4cad.fit import Fit, decibels
-from d4cad.outputs import is_solid
+from d4cad.outputs import has_thickness
 from d4cad.placement import Placement
 from d4cad.relations import to_json as relations_json
 from d4cad.sketch import Sketch
@@ -22,8 +23,8 @@ def census(sketch: Sketch) -> dict[str, int]:
     return {"lines": len(edges) - arcs, "arcs": arcs, "circles": circles}
 
 
-def summary(fit: Fit, placement: Placement, files: Sequence[Path]) -> dict[str, Any]:
-    """Facts as JSON values. Sizes in mm, psnr in dB, times in seconds."""
+def summary(fit: Fit, placement: Placement, files: Sequence[Path], form: Form = PLAIN) -> dict[str, Any]:
+    """Facts as JSON values. Sizes in mm, psnr in dB, times in seconds. form: of the solids that take one."""
     sketch = placement.place(fit.outline, fit.canvas)
     factor = placement.factor(fit.outline, fit.canvas)
     xmin, ymin, xmax, ymax = sketch.bounds
@@ -50,7 +51,7 @@ def summary(fit: Fit, placement: Placement, files: Sequence[Path]) -> dict[str, 
         "snap": None if fit.snap is None else snap_facts(fit.snap, fit.canvas.pixel, factor),
         "relations": relations_json(sketch.relations, sketch.dimensions)["relations"],
         "dimensions": {dimension.name: dimension.value for dimension in sketch.dimensions},
-        "notes": list(fit.notes(placement, solid=any(is_solid(path) for path in files))),
+        "notes": list(fit.notes(placement, solid=any(has_thickness(path, form) for path in files))),
         "files": [str(path) for path in files],
     }
 

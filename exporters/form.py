@@ -187,6 +187,10 @@ class Form:
             raise InputError(f"{alone} cannot have other forms beside it, got {' and '.join(self.names)}")
         if self.shell and self.pockets:
             raise InputError("a shell has no pockets: expected one of the two")
+        holes = [pocket.hole for pocket in self.pockets]
+        for hole in holes:
+            if holes.count(hole) > 1:
+                raise InputError(f"the pocket {'all' if hole is None else hole} is given {holes.count(hole)} times")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -205,6 +209,11 @@ class Form:
             )
             if wanted
         )
+
+    @property
+    def needs_thickness(self) -> bool:
+        """Whether the part's thickness has a say in the solid."""
+        return self.revolve is None and (self.relief is None or self.relief.base is None)
 
     @property
     def slope(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from math import atan, ceil, pi, tan
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,9 @@ from d4cad.sketch import Face, Sketch
 
 EXACT = 1e-6
 """Largest relative error of a volume."""
+
+NEAR = 1e-3
+"""Share of its radius by which a circle may miss the axis and still be read back as if it reached it."""
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(24)
 
@@ -64,8 +68,16 @@ def swept_volume(sketch: Sketch, angle: float) -> float:
 
 
 def revolved(sketch: Sketch, revolve: Revolve) -> list[Any]:
-    """Valid TopoDS_Solids about the z axis. Raises as :func:`profile`, ExportError if the kernel fails."""
+    """Valid TopoDS_Solids about the z axis. Raises as :func:`profile`, ExportError if the kernel fails.
+
+    Where an arc's circle reaches the axis its torus crosses itself, and no reader of STEP finds the place of a seam on
+    it: such arcs are cut into quarter turns at most, and such a solid's faces turn by half a turn at most.
+    """
     half = profile(sketch, revolve)
+    wanted = swept_volume(half, revolve.angle)
+    horned = any(map(_makes_horn, half.loops))
+    if horned:
+        half = Sketch.from_loops([_quartered(loop) for loop in half.loops], "mm")
     gp, location = import_module("OCP.gp"), import_module("OCP.TopLoc").TopLoc_Location
     upright = gp.gp_Trsf()
     upright.SetValues(1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0)  # the sketch's y becomes z
@@ -77,10 +89,44 @@ def revolved(sketch: Sketch, revolve: Revolve) -> list[Any]:
             for face in faces(half)
             for solid in explored(sweep(face.Moved(location(upright)), axis, revolve.angle).Shape(), "SOLID")
         ]
-        wanted = swept_volume(half, revolve.angle)
+        if horned:
+            found = [_divided(solid) for solid in found]
         if not (found and is_valid(compound(found)) and abs(sum(map(volume, found)) - wanted) <= EXACT * wanted):
             raise ExportError(
                 f"the CAD kernel could not turn this profile by {revolve.degrees:g} degrees:"
                 " a straight edge on the axis or a gap to it often works, arcs that end along the axis do not"
             )
     return found
+
+
+def _makes_horn(loop: Loop) -> bool:
+    """Whether an arc's circle touches or crosses the axis, and is not centred on it as a sphere's is."""
+    b = np.array(loop.bulges)
+    if not b.any():
+        return False
+    start = np.array(loop.points)
+    step, middle = np.roll(start, -1, axis=0) - start, (np.roll(start, -1, axis=0) + start) / 2
+    arcs = b != 0
+    center = middle[arcs, 0] - (1 - b[arcs] ** 2) / (4 * b[arcs]) * step[arcs, 1]
+    radius = np.hypot(*step[arcs].T) * (1 + b[arcs] ** 2) / (4 * np.abs(b[arcs]))
+    return bool(np.any((np.abs(center) > CONFUSION) & (np.abs(center) <= radius * (1 + NEAR) + CONFUSION)))
+
+
+def _quartered(loop: Loop) -> Loop:
+    """The loop with its arcs in equal pieces of a quarter turn at most."""
+    points: list[tuple[float, float]] = []
+    bulges: list[float] = []
+    for k, (start, bulge) in enumerate(zip(loop.points, loop.bulges, strict=True)):
+        sweep = 4 * atan(bulge)
+        pieces = max(1, ceil(abs(sweep) / (pi / 2) - 1e-9))
+        between = points_along(loop.edges.take((slice(k, k + 1), None)), np.arange(1, pieces) / pieces).ravel()
+        points += [start, *((z.real, z.imag) for z in between.tolist())]
+        bulges += [bulge if pieces == 1 else tan(sweep / 4 / pieces)] * pieces
+    return Loop(tuple(points), tuple(bulges))
+
+
+def _divided(solid: Any) -> Any:
+    divider = import_module("OCP.ShapeUpgrade").ShapeUpgrade_ShapeDivideAngle(pi, solid)
+    divider.Perform()
+    (half_turns,) = explored(divider.Result(), "SOLID")
+    return half_turns

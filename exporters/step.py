@@ -12,8 +12,8 @@ from typing import Any
 from d4cad.errors import ExportError
 from d4cad.exporters.color import Rgb, rgb
 from d4cad.exporters.form import PLAIN, Form
-from d4cad.exporters.occ import compound, kernel_errors
-from d4cad.exporters.solids import solids_of
+from d4cad.exporters.occ import compound, is_valid, kernel_errors, volume
+from d4cad.exporters.solids import EXACT, solids_of
 from d4cad.files import replacing
 from d4cad.sketch import Sketch
 
@@ -49,18 +49,41 @@ def write_step(
     require_schema(schema)
     shade = None if color is None else rgb(color)
     shape = compound(solids_of(sketch, thickness, form))
-    text = _settled(_text(shape, schema), name)
+    turned = form.revolve is not None
+    text = _settled(_text(shape, schema, curves=turned), name)
     if shade is not None:
         text = _colored(text, shade)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="ascii")
+        if turned:
+            _read_back(temporary, volume(shape))
 
 
-def _text(shape: Any, schema: str) -> str:
-    """The STEP file of a shape, with every number to its last digit: the kernel's own writing keeps twelve."""
+def _read_back(path: Path, wanted: float) -> None:
+    """Raises ExportError unless the file holds a valid shape of the volume: STEP is vague about surfaces that cross
+    themselves, as an arc's does that is turned about a line through its circle."""
+    done = import_module("OCP.IFSelect").IFSelect_ReturnStatus.IFSelect_RetDone
+    with _quiet(), kernel_errors():
+        reader = import_module("OCP.STEPControl").STEPControl_Reader()
+        if reader.ReadFile(str(path)) == done and reader.TransferRoots():
+            found = reader.OneShape()
+            if is_valid(found) and abs(volume(found) - wanted) <= EXACT * wanted:
+                return
+    raise ExportError(
+        "a STEP file cannot hold this profile turned by this angle: arcs from axis to axis need another vertex between,"
+        " or a gap to the axis"
+    )
+
+
+def _text(shape: Any, schema: str, *, curves: bool) -> str:
+    """The STEP file of a shape, with every number to its last digit: the kernel's own writing keeps twelve.
+
+    curves: with the parametric curves of every edge, without which a reader has to find them on a surface that may
+    cross itself. Planes and cylinders need none, and the file is a third.
+    """
     control, status = import_module("OCP.STEPControl"), import_module("OCP.IFSelect")
     writer = control.STEPControl_Writer()  # first: it defines the settings
-    with _settings(SCHEMAS[schema]), _quiet(), kernel_errors():
+    with _settings(SCHEMAS[schema], "1" if curves else "0"), _quiet(), kernel_errors():
         model = writer.Model(True)  # a new model, so that the schema applies to it
         done = writer.Transfer(shape, control.STEPControl_StepModelType.STEPControl_AsIs)
         if done != status.IFSelect_ReturnStatus.IFSelect_RetDone:
@@ -72,15 +95,15 @@ def _text(shape: Any, schema: str) -> str:
 
 
 @contextmanager
-def _settings(schema: str) -> Iterator[None]:
+def _settings(schema: str, curves: str) -> Iterator[None]:
     """The kernel's global settings as we need them, put back afterwards for the user's own exports."""
     static = import_module("OCP.Interface").Interface_Static
-    # one product for all islands; no parametric curves: planes and cylinders need none, and the file is a third
+    # one product for all islands
     wanted = {
         "write.step.schema": schema,
         "write.step.unit": "MM",
         "write.step.assembly": "0",
-        "write.surfacecurve.mode": "0",
+        "write.surfacecurve.mode": curves,
     }
     before = {key: static.CVal_s(key) for key in wanted}
     try:

@@ -58,3 +58,20 @@ def test_l_bracket(tmp_path: Path) -> None:
             for circle in circles
         ), f"no bolt hole at {centre}"
     assert (tmp_path / "l_bracket.png").exists()
+
+
+def test_mbb_of_rectangles(tmp_path: Path) -> None:
+    """Lines alone; two mirrored halves; the bars are those that the picture shows."""
+    facts = example("mbb_of_rectangles").main(tmp_path, element=4.0)
+    assert facts["arcs"] == facts["circles"] == 0
+    assert facts["volume"] == pytest.approx(0.5, abs=1e-3)
+    assert facts["compliance_fine"] < 1.2 * 85.03  # the best known, on a grid of a sixteenth as many elements
+    lengths, widths, angles = np.array(facts["bars"]).T
+    assert 4 <= len(lengths) <= 30
+    assert np.all(widths <= lengths)
+    assert np.all((angles >= 0) & (angles < 180))
+    assert lengths.max() > 60
+    part = load_program(tmp_path / "mbb.json").sketch()
+    z = np.array([complex(*point) for loop in part.loops for point in loop.points])
+    mirrored = 360 - z.real + 1j * z.imag
+    assert np.abs(z[:, None] - mirrored).min(axis=1).max() < 1e-6

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from d4cad.beams.library import CANTILEVER
@@ -89,8 +89,13 @@ def test_tent_is_a_ramp_with_a_tent_for_a_derivative() -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
+@example(6518)  # a pixel's nearest edge changes 4e-8 behind the program
 def test_gradient_is_that_of_the_soft_objective(seed: int) -> None:
-    """Central differences in float64 along random directions: compliance, and volume."""
+    """Differences of second order in float64 along random directions: compliance, and volume.
+
+    Where the nearest edge of a pixel changes, its coverage has a kink. One that lies within the step spoils the
+    difference on its side alone, so the gradient has to agree with the forward or with the backward difference.
+    """
     domain = FRAME.domain()
     loss, grammar = ComplianceLoss.of(domain), ArcLine(domain.canvas.pixel)
     rng = np.random.default_rng(seed)
@@ -104,10 +109,11 @@ def test_gradient_is_that_of_the_soft_objective(seed: int) -> None:
 
     found = loss.evaluate(grammar.rasterize(program, domain.canvas))
     assert found.constraint is not None
-    exact = (values(1e-7) - values(-1e-7)) / 2e-7
+    exact = [(4 * values(h) - values(2 * h) - 3 * values(0)) / (2 * h) for h in (1e-7, -1e-7)]
     scale = np.linalg.norm(way) * np.array([np.linalg.norm(found.gradient), np.linalg.norm(found.constraint.gradient)])
     slopes = np.array([found.gradient @ way, found.constraint.gradient @ way])
-    assert np.all(np.abs(slopes - exact) < 1e-6 * scale)
+    errors = np.abs(slopes - exact) / scale  # (forward and backward, compliance and volume)
+    assert errors.max(axis=1).min() < 1e-6
 
 
 def test_gradient_is_near_that_of_the_solid_part_on_a_fine_grid() -> None:

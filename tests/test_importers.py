@@ -232,6 +232,19 @@ def test_dxf_splines_and_ellipses_are_fitted(tmp_path: Path) -> None:
     assert found.primitives < 60
 
 
+def test_dxf_a_closed_spline_ends_where_it_begins(tmp_path: Path) -> None:
+    """Its knots reach beyond the curve; ezdxf's own flattening runs through all of them, to points far off."""
+    square = [(0.0, 0.0, 0.0), (30.0, 0.0, 0.0), (30.0, 20.0, 0.0), (0.0, 20.0, 0.0)]
+
+    def draw(space: Any, document: Any) -> None:
+        space.add_spline().set_closed(square)
+
+    found = read(dxf(tmp_path, draw))
+    assert found.segments == 4
+    assert found.sketch.area == pytest.approx(61 * 600 / 90, rel=1e-4)  # of the uniform cubic B-spline
+    assert found.sketch.bounds == pytest.approx((1.2524, 0.8349, 28.7476, 19.1651), abs=0.01)
+
+
 def test_dxf_a_spline_circle_is_one_circle(tmp_path: Path) -> None:
     """The rational spline of degree 2 is a circle to the last digit."""
 

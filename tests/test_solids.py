@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 from d4cad import exporters
 from d4cad.canvas import Canvas
 from d4cad.cli import app
+from d4cad.edges import points_along
 from d4cad.errors import GeometryError, InputError
 from d4cad.exporters import occ
 from d4cad.exporters.form import Chamfer, Emboss, Engrave, Fillet, Form, Pocket, Revolve, Shell
@@ -359,6 +360,49 @@ def test_pockets_that_are_none() -> None:
         solids_of(plate(), H, Form([Pocket(1.0)], rim=Fillet(1.0)))
 
 
+# (x, y) and bulges of half profiles whose arcs end on the axis, so that their tori cross themselves
+HORNS: dict[str, tuple[list[tuple[float, float]], list[float]]] = {
+    "one arc to the axis": ([(0, 0), (3.3, 1.3), (0, 10)], [0, 0.56, 0]),
+    "a lens": ([(0, 0), (4, 5), (0, 10)], [0.2, 0.2, 0]),
+    "an onion": ([(0, 0), (7, 6.7), (0, 10)], [0.53, -0.57, 0]),
+    "more than half a circle": ([(0, 0), (2, 1), (0, 10)], [0, 1.3, 0]),
+    "an arc that passes by": ([(1, 0), (4, 5), (1, 10)], [0.3, 0.3, 0]),
+}
+
+
+@pytest.mark.parametrize("name", HORNS)
+@pytest.mark.parametrize("angle", [2 * pi, 5.0, pi, 1.0])
+def test_steps_of_tori_that_cross_themselves(name: str, angle: float, tmp_path: Path) -> None:
+    """Readers of STEP lost faces, or made the solid invalid, where such a torus was one face with its seam."""
+    points, bulges = HORNS[name]
+    half = sketch(Loop(tuple(points), tuple(bulges)))
+    exporters.write(half, tmp_path / "part.step", thickness=1, form=Form(revolve=Revolve(angle)))
+    reader = import_module("OCP.STEPControl").STEPControl_Reader()
+    assert reader.ReadFile(str(tmp_path / "part.step")) == import_module("OCP.IFSelect").IFSelect_ReturnStatus(1)
+    reader.TransferRoots()
+    read = reader.OneShape()
+    assert occ.is_valid(read)
+    assert len(explored(read, "SOLID")) == 1
+    assert occ.volume(read) == pytest.approx(pappus(half, angle), rel=1e-5)
+
+
+def pappus(shape: Sketch, angle: float) -> float:
+    """Volume of a turned shape from a fine polygon of it: angle times the integral of x over it."""
+    polygon = np.concatenate(
+        [points_along(shape.loops[0].edges.take(k), np.arange(2000) / 2000) for k in range(len(shape.loops[0].points))]
+    )
+    after = np.roll(polygon, -1)
+    twice = polygon.real * after.imag - after.real * polygon.imag
+    return angle * abs(float(((polygon.real + after.real) * twice).sum())) / 6
+
+
+def test_pockets_named_twice() -> None:
+    with pytest.raises(InputError, match="the pocket 1 is given 2 times"):
+        Form([Pocket(1.0, 1), Pocket(2.0, 1)])
+    with pytest.raises(InputError, match="the pocket all is given 2 times"):
+        Form([Pocket(1.0), Pocket(2.0)])
+
+
 def test_profiles_that_pinch_themselves_off() -> None:
     with pytest.raises(InputError, match=r"touches its axis in one point, \(0, 1\)"):
         solids_of(sketch(Loop.polyline([(0, 1), (2, 0), (2, 2)])), H, Form(revolve=Revolve()))
@@ -456,6 +500,28 @@ def test_command_line(ring: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ring.save("fit.step", width=48, thickness=5, form=Form(shell=Shell(1.0)))
     hollow = pi * ((big - 1) ** 2 - (small + 1) ** 2) * 4
     assert read_volume(Path("fit.step")) == pytest.approx(pi * (big**2 - small**2) * 5 - hollow, rel=1e-6)
+
+
+def test_thickness_is_missed_where_it_matters(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    exporters.write(sketch(rectangle(20, 10)), Path("part.dxf"), thickness=1)
+    for options, missed in (
+        ([], True),
+        (["--emboss", "1"], True),
+        (["--emboss", "1", "--base", "2"], False),
+        (["--revolve"], False),
+        (["--revolve", "-o", "part.py"], True),  # the source is of the plain extrude
+    ):
+        result = d4cad("export", "part.dxf", "-o", "part.step", *options)
+        assert result.exit_code == 0, result.output
+        assert ("no thickness was given" in result.stdout) == missed
+
+
+@pytest.mark.parametrize("option", ["--scale", "--dpi"])
+def test_drawings_have_no_pixels(option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    exporters.write(sketch(rectangle(20, 10)), Path("part.dxf"), thickness=1)
+    assert "give --width in place of" in refused("export", "part.dxf", "-o", "part.step", option, "2")
 
 
 def refused(*args: str) -> str:

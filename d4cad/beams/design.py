@@ -23,6 +23,7 @@ from d4cad.objectives.compliance import ComplianceLoss
 from d4cad.objectives.domain import Domain
 from d4cad.program import Program
 from d4cad.protocols import Grammar
+from d4cad.raster.band import Band
 from d4cad.sketch import Sketch
 from d4cad.steppers import NullSpace
 
@@ -38,8 +39,11 @@ WARM_UP, WARM_ROUNDS = 12, 3
 RADII = (2.4, 4.0, 6.0)
 """Filter radii in elements of the densities to start from for few primitives: a wider one has fewer bars."""
 
-FILLET_TRIES = 3
-"""Times that a part is designed with less material to make room for its fillets."""
+APART = 10.0
+"""A start whose loss is so many times that of a design has come apart: its filter was too wide for the grid."""
+
+RESTORATIONS, EXACT = 8, 2e-4
+"""At most so many steps restore the volume of a finished outline, until it is right by this share of it."""
 
 Watch = Callable[[Record], None]
 
@@ -93,22 +97,15 @@ def design_beam(
     cpu = time.process_time()
     search = _Search.of(problem, grammar, seed, max_time, watch)
     found = search.best(init, simplify)
-    outline = part_outline(problem, search.domain, search.grammar.outline(found.program), fillet)
-    for _ in range(FILLET_TRIES if fillet is not None else 0):
-        excess = outline.area / problem.element**2 / search.domain.volume - 1
-        if excess < 5e-4 or found.stop in (Stop.INTERRUPTED, Stop.TIME):
-            break
-        search = search.with_volume(search.loss.domain.volume - excess * search.domain.volume)
-        found = search.improved(found.program, 0.0)
-        outline = part_outline(problem, search.domain, search.grammar.outline(found.program), fillet)
-    density = search.loss.density(search.grammar.rasterize(found.program, search.domain.canvas))
+    program = search.restored(found.program, fillet)
+    density = search.loss.density(search.raster(program))
     return Beam(
         problem=problem,
         domain=search.domain,
-        program=found.program,
+        program=program,
         canvas=search.domain.canvas,
         grammar=search.grammar,
-        outline=outline,
+        outline=search.outline(program, fillet),
         compliance=search.loss.response(density).compliance,
         history=tuple(search.history),
         stop=found.stop,
@@ -163,12 +160,15 @@ class _Search:
         if init == "axiom":
             found = [self.warmed(whole_domain(self.grammar, self.domain))]
         else:
-            found = [self.from_density(RADII[0])]
+            found = [self.improved(self.density_start(RADII[0]), PRICE)]
         if simplify is None:
             return found[0]
         allowed = found[0].loss * (1 + simplify)
-        if init == "density":
-            found += [self.from_density(radius) for radius in RADII[1:] if self.has_time]
+        for radius in RADII[1:] if init == "density" else ():
+            if self.has_time:
+                start = self.density_start(radius)
+                if self.loss.value(self.raster(start)) < APART * found[0].loss:
+                    found.append(self.improved(start, PRICE))
         simple = [self.simplified(descent, allowed) for descent in found if descent.loss <= allowed]
         return min(simple, key=lambda descent: (self.grammar.complexity(descent.program), descent.loss))
 
@@ -177,11 +177,16 @@ class _Search:
         """Whether there is time left for another start."""
         return time.perf_counter() < self.deadline
 
-    def from_density(self, radius: float) -> Descent[Any]:
-        """The descent from the contour of a density with that filter radius, in elements."""
+    def raster(self, program: Program[Any]) -> Band:
+        """The program on the domain's canvas."""
+        band: Band = self.grammar.rasterize(program, self.domain.canvas)
+        return band
+
+    def density_start(self, radius: float) -> Program[Any]:
+        """The contour of a density with that filter radius, in elements."""
         density = optimised_density(self.domain, Schedule(radius=radius))
-        program = self.grammar.repair(density_program(self.grammar, self.domain, density)).program
-        return self.improved(program, PRICE)
+        program: Program[Any] = self.grammar.repair(density_program(self.grammar, self.domain, density)).program
+        return program
 
     def warmed(self, program: Program[Any]) -> Descent[Any]:
         """The descent from a program of the whole domain, its volume shrinking step by step."""
@@ -199,6 +204,29 @@ class _Search:
                 break
             best, price = there, 2 * price
         return best
+
+    def outline(self, program: Program[Any], fillet: float | None = None) -> Sketch:
+        """The part in mm that a program is."""
+        return part_outline(self.problem, self.domain, self.grammar.outline(program), fillet)
+
+    def restored(self, program: Program[Any], fillet: float | None) -> Program[Any]:
+        """The program with its whole boundary moved until the finished outline has the problem's volume.
+
+        At an optimum material is worth the same all along the boundary: it does not matter where it goes.
+        """
+        volume, nearest, least = self.domain.volume, program, inf
+        for _ in range(RESTORATIONS):
+            excess = self.outline(program, fillet).area / self.problem.element**2 - volume
+            if abs(excess) < least:
+                nearest, least = program, abs(excess)
+            if least <= EXACT * volume:
+                break
+            here = self.loss.evaluate(self.raster(program))
+            assert here.constraint is not None
+            here = replace(here, constraint=replace(here.constraint, residual=excess))
+            moved = program.moved(program.params + NullSpace().restoring(here))
+            program = self.grammar.repair(moved).program
+        return nearest
 
     def improved(self, program: Program[Any], price: float, rounds: int = ROUNDS) -> Descent[Any]:
         """A descent at a price of a primitive, a share of the loss at ``program``."""

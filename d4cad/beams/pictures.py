@@ -74,15 +74,15 @@ def design_panel(problem: Problem, part: Sketch, fine: Analysis) -> Panel:
     return _aspect(problem), draw
 
 
-def history_panel(history: Sequence[Record]) -> Panel:
-    """Loss and primitives of the program, round by round."""
+def history_panel(history: Sequence[Record], loss: str = "compliance over the full domain's") -> Panel:
+    """Loss, named so, and primitives of the program, round by round."""
 
     def draw(figure: Any, ax: Any) -> None:
         rounds = np.arange(1, len(history) + 1)
         ax.plot(rounds, [record.loss for record in history], color=INK, marker="o", markersize=3)
         ax.set_xlabel("round", fontsize=8)
         ax.xaxis.get_major_locator().set_params(integer=True)
-        ax.set_ylabel("compliance over the full domain's", fontsize=8)
+        ax.set_ylabel(loss, fontsize=8)
         other = ax.twinx()
         other.step(rounds, [record.primitives for record in history], where="post", color=FORCE)
         other.set_ylabel("primitives of the program", fontsize=8, color=FORCE)

@@ -8,10 +8,16 @@ from typing import Any
 
 from d4cad.beams.connection import require_carried
 from d4cad.beams.design import Beam
+from d4cad.beams.outline import shape
+from d4cad.beams.problem import Place
 from d4cad.beams.simp import compared
 from d4cad.beams.stress import Analysis, analysed, minimum_member, peak_stress
+from d4cad.booleans import difference, intersection
 from d4cad.errors import InputError
 from d4cad.summary import census
+
+ALARM = 1.25
+"""Compliance of the finished part over that of the soft density which the search saw, from which on it is told."""
 
 
 def report(beam: Beam, fine: Analysis, *, simp: bool = False, files: Sequence[Path] = ()) -> dict[str, Any]:
@@ -28,6 +34,12 @@ def report(beam: Beam, fine: Analysis, *, simp: bool = False, files: Sequence[Pa
     except InputError:
         compliance = None
         notes.append("on the design's grid the part does not carry the load: its members are thinner than elements")
+    if fine.compliance > ALARM * beam.compliance:
+        notes.append(
+            f"the part gives way {fine.compliance / beam.compliance:.2g} times as far as the search saw: slits or "
+            "members narrower than an element; a smaller element sees them"
+        )
+    notes += [f"{place} must be solid but touches nothing that carries the load: left out" for place in _lost(beam)]
     area = float(problem.domain(4).inside.sum()) * fine.side**2
     stress, (x, y) = peak_stress(fine)
     strength = problem.material.strength
@@ -58,6 +70,18 @@ def report(beam: Beam, fine: Analysis, *, simp: bool = False, files: Sequence[Pa
         "notes": notes,
         "files": [str(path) for path in files],
     }
+
+
+def _lost(beam: Beam) -> list[Place]:
+    """Solid regions that the part has not got."""
+    problem, found = beam.problem, []
+    for place in problem.solids:
+        wanted = shape(place)
+        for hole in (*problem.voids, *problem.cuts):
+            wanted = difference(wanted, shape(hole))
+        if intersection(wanted, beam.outline).area < 1e-3 * wanted.area:
+            found.append(place)
+    return found
 
 
 def carried(beam: Beam) -> Analysis:

@@ -47,7 +47,7 @@ def simp(domain: Domain, radius: float = 3.0, iterations: int = 200, change: flo
     density = domain.clamped(_blurred(x * inside, kernel) / weight)
     compliance, step, moved = 0.0, 0, 1.0
     while step < iterations and moved > change:
-        response = domain.elastic.solve(domain.young(WEAK + density**EXPONENT * (1 - WEAK)))
+        response = domain.work(WEAK + density**EXPONENT * (1 - WEAK))
         compliance = response.compliance
         gain = EXPONENT * density ** (EXPONENT - 1) * (1 - WEAK) * response.energy
         gain, cost = (_blurred(np.where(free, g, 0.0) / weight, kernel) for g in (gain, np.ones(x.shape)))

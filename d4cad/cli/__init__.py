@@ -10,7 +10,22 @@ from typing import Annotated
 import typer
 
 from d4cad import __version__
-from d4cad.cli import beam, bench, check, combine, doctor, export, fit, grammars, simplify, tables, text
+from d4cad.cli import (
+    beam,
+    bench,
+    check,
+    combine,
+    doctor,
+    export,
+    fit,
+    grammar_report,
+    grammars,
+    morph,
+    simplify,
+    tables,
+    targets,
+    text,
+)
 
 app = typer.Typer(
     help="A picture of a part becomes an exact CAD part of lines and arcs.",
@@ -53,6 +68,9 @@ for _command in (
     doctor.doctor,
     bench.bench,
     tables.tables,
+    targets.targets,
+    morph.morph,
     grammars.grammars,
+    grammar_report.grammar_report,
 ):
     app.command()(_command)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -91,6 +92,12 @@ def beam(
         share = None if simplify is None else _share(simplify)
         if method not in ("fast", "paper"):
             raise InputError(f"there is no method {method!r}, expected one of: fast, paper")
+        if method == "paper":
+            asked_for = {
+                "--volume": volume, "--element": element, "--simplify": simplify, "--fillet": fillet,
+                "--grammar": None if grammar == "arc-line" else grammar, "--init": None if init == "density" else init,
+            }  # fmt: skip
+            _check_fixed(asked_for)
         _check_outputs(outputs, preview, found.thickness, problem)
 
         from d4cad.beams.design import design_beam
@@ -98,9 +105,11 @@ def beam(
         from d4cad.beams.report import carried, report, text
         from d4cad.beams.saving import save
 
-        with progress(max_time, shown=not (quiet or as_json), quality=_stiffness) as watch:
+        says = "compliance over the full domain's" if method == "fast" else "the paper's loss"
+        with progress(max_time, shown=not (quiet or as_json), quality=lambda record: _quality(record, says)) as watch:
             if method == "paper":
-                part = paper_beam(problem, seed=seed, watch=watch)
+                part = paper_beam(problem, seed=seed, max_time=max_time, watch=watch)
+                part = replace(part, problem=replace(part.problem, thickness=found.thickness))
             else:
                 part = design_beam(
                     found, grammar=grammar, init=init, simplify=share, fillet=fillet, seed=seed, max_time=max_time,
@@ -113,7 +122,11 @@ def beam(
         if preview is not None:
             from d4cad.beams.pictures import design_panel, history_panel, problem_panel, write_picture
 
-            panels = [problem_panel(part.problem), design_panel(found, part.outline, fine), history_panel(part.history)]
+            panels = [
+                problem_panel(part.problem),
+                design_panel(part.problem, part.outline, fine),
+                history_panel(part.history, says),
+            ]
             write_picture(preview, panels)
         if as_json or not quiet:
             files = [*outputs, *([] if preview is None else [preview])]
@@ -123,9 +136,9 @@ def beam(
             raise typer.Exit(INTERRUPTED)
 
 
-def _stiffness(record: Record) -> str:
-    """How stiff the part is."""
-    return f"compliance {record.loss:.4g} x the full domain's"
+def _quality(record: Record, says: str) -> str:
+    """What the search minimises, and what it is now."""
+    return f"{says} {record.loss:.4g}"
 
 
 def _share(text: str) -> float:
@@ -137,6 +150,13 @@ def _share(text: str) -> float:
     if not 0 <= value < 1:
         raise InputError(f"the compliance given up must be from 0% to less than 100%, got {text}")
     return value
+
+
+def _check_fixed(asked: Mapping[str, object]) -> None:
+    """Refuses what a published set-up leaves no choice of."""
+    for name, value in asked.items():
+        if value is not None:
+            raise InputError(f"the paper's set-ups are as published: {name} cannot be combined with --method paper")
 
 
 def _check_outputs(outputs: list[Path], preview: Path | None, thickness: float, problem: str) -> None:

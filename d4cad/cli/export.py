@@ -9,6 +9,7 @@ import typer
 
 from d4cad.cli import forms
 from d4cad.cli.options import (
+    Branches,
     Color,
     Dialect,
     Dpi,
@@ -20,6 +21,8 @@ from d4cad.cli.options import (
     Quiet,
     Scale,
     Schema,
+    ScriptGrammar,
+    Separate,
     Style,
     Thickness,
     Tolerance,
@@ -34,7 +37,7 @@ def export(
         Path,
         typer.Argument(
             metavar="PROGRAM",
-            help="A program file, or a .dxf or .svg drawing. or a .dxf or .svg drawing.",
+            help="A program file, or a .dxf or .svg drawing.",
             show_default=False,
         ),
     ],
@@ -66,6 +69,9 @@ def export(
     shell: forms.ShellOption = None,
     open_side: forms.Open = None,
     list_loops: forms.ListLoops = False,
+    grammar: ScriptGrammar = None,
+    branches: Branches = None,
+    separate: Separate = False,
     quiet: Quiet = False,
     as_json: Json = False,
 ) -> None:
@@ -102,13 +108,18 @@ def export(
             raise D4cadError("there is nothing to write: name a file with -o")
         options = Options(name, schema, color, tolerance, kerf, style, dialect, form)
         check_outputs(outputs, None, None, options)
+        from d4cad import pieces
         from d4cad.programs import load_program
 
-        found = load_program(program)
+        found = load_program(program, grammar)
+        if "drawing" in found.settings and not (scale is None and dpi is None):
+            raise D4cadError(f"{program} is a drawing, which has no pixels: give --width in place of --scale or --dpi")
         placement = found.placement(width, scale, dpi, origin, thickness)
+        pieces.require(found.language, branches, separate=separate, outputs=outputs, options=options)
+        found = pieces.drawn(found, placement, branches, separate=separate)
         if list_loops:
             typer.echo(forms.loops_text(placement.place(found.outline, found.canvas), as_json=as_json))
             return
         notes = () if kerf is None else losses(placement.place(found.outline, found.canvas), kerf)
         write(found, placement, outputs, None, options)
-        report(found, placement, outputs, None, quiet=quiet, as_json=as_json, notes=notes)
+        report(found, placement, outputs, None, quiet=quiet, as_json=as_json, notes=notes, form=form)

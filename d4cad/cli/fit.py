@@ -9,6 +9,7 @@ import typer
 
 from d4cad.cli import pictures
 from d4cad.cli.options import (
+    Branches,
     Dpi,
     Grammar,
     Json,
@@ -18,6 +19,7 @@ from d4cad.cli.options import (
     Quiet,
     Scale,
     Seed,
+    Separate,
     Snap,
     Thickness,
     Variant,
@@ -40,6 +42,9 @@ def fit(
     preview: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Target, outline and error as .png or .svg.", show_default=False)
     ] = None,
+    animate: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The course of the search as .gif.", show_default=False)
+    ] = None,
     width: Width = None,
     scale: Scale = None,
     dpi: Dpi = None,
@@ -47,6 +52,8 @@ def fit(
     origin: Origin = None,
     grammar: Grammar = "arc-line",
     variant: Variant = None,
+    branches: Branches = None,
+    separate: Separate = False,
     method: Method = "fast",
     init: Annotated[
         str | None,
@@ -83,6 +90,7 @@ def fit(
     Several pictures go to a folder; one that fails does not stop the others, and makes the exit code 2.
     """
     with reported():
+        from d4cad import animation, pieces
         from d4cad.finishing import Finish, fit_finished
         from d4cad.placement import Placement
 
@@ -102,12 +110,15 @@ def fit(
             "snap": snap,
         }
         outputs = output or []
+        pieces.require(grammar, branches, separate=separate, outputs=outputs)
         shown = {"quiet": quiet, "as_json": as_json}
         if pictures.is_batch(images, out_dir):
-            if preview is not None or report_file is not None or layers is not None:
+            if preview is not None or report_file is not None or layers is not None or animate is not None:
                 raise D4cadError(
-                    "with several pictures, name previews and reports by -o .png and -o .html; no --layers"
+                    "with several pictures, name previews and reports by -o .png and -o .html; no --layers or --animate"
                 )
+            if branches is not None or separate:
+                raise D4cadError("--branches and --separate are for one picture: `d4cad export` has them for the rest")
             pictures.fit_batch(
                 images, out_dir, outputs, options, finish, placement, jobs=jobs, force=force, **shown
             )  # fmt: skip
@@ -118,15 +129,31 @@ def fit(
                 raise D4cadError(f"a report is .html, got {report_file}")
             outputs = [*outputs, report_file]
         if layers is not None:
-            if preview is not None or init is not None:
-                raise D4cadError("--layers takes neither --preview nor --init: -o NAME.png has a preview of each layer")
+            if preview is not None or init is not None or animate is not None:
+                raise D4cadError(
+                    "--layers takes no --preview, --init or --animate: -o NAME.png has a preview of each layer"
+                )
+            if branches is not None or separate:
+                raise D4cadError("--layers takes neither --branches nor --separate")
             pictures.fit_colors(image, layers, outputs, options, finish, placement, **shown)
             return
         check_outputs(outputs, preview, image)
+        film = None
+        if animate is not None:
+            animation.check(animate)
+            if animate.resolve() == image.resolve():
+                raise D4cadError(f"cannot write {animate}: it is the picture")
+            film = animation.Film()
+            options["follow"] = film.follow
         with progress(max_time, shown=not (quiet or as_json)) as watch:
             found = fit_finished(image, finish, placement, watch=watch, **options)
         placement = found.placement(width, scale, dpi, origin, thickness)
+        found = pieces.drawn(found, placement, branches, separate=separate)
         write(found, placement, outputs, preview)
+        if film is not None and animate is not None:
+            film.end(found)
+            animation.write_gif(animate, film.frames)
+            outputs = [*outputs, animate]
         report(found, placement, outputs, preview, quiet=quiet, as_json=as_json)
         if found.stop.name == "INTERRUPTED":
             raise typer.Exit(INTERRUPTED)

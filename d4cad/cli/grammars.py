@@ -12,26 +12,38 @@ from d4cad.cli.running import reported
 
 
 def grammars(as_json: Json = False) -> None:
-    """List the grammars, their rewrites with what is known of them, and their variants."""
+    """List all grammars installed, their rewrites with what is known of them, and their variants."""
     with reported():
-        from dataclasses import asdict
+        from d4cad.registry import names
 
-        from d4cad.registry import GRAMMARS, VARIANTS
-
-        facts = {
-            name: {
-                "counted": entry.counted or "edge",
-                "rewrites": {rule: asdict(fact) for rule, fact in entry.rules.items()},
-                "variants": {key: list(v.rules) for key, v in VARIANTS.items() if v.grammar == name},
-                "notes": {key: v.note for key, v in VARIANTS.items() if v.grammar == name and v.note},
-            }
-            for name, entry in GRAMMARS.items()
-        }
+        facts = {name: _facts(name) for name in names()}
         typer.echo(json.dumps(facts) if as_json else "\n\n".join(_text(name, part) for name, part in facts.items()))
+
+
+def _facts(name: str) -> dict[str, Any]:
+    """What is known of a grammar, or why another package's cannot be loaded."""
+    from dataclasses import asdict
+
+    from d4cad.errors import InputError
+    from d4cad.registry import VARIANTS, entry
+
+    try:
+        found = entry(name)
+    except InputError as error:
+        return {"error": str(error)}
+    variants = {key: variant for key, variant in VARIANTS.items() if variant.grammar == name}
+    return {
+        "counted": found.counted or "edge",
+        "rewrites": {rule: asdict(fact) for rule, fact in found.rules.items()},
+        "variants": {key: list(variant.rules) for key, variant in variants.items()},
+        "notes": {key: variant.note for key, variant in variants.items() if variant.note},
+    }
 
 
 def _text(name: str, facts: dict[str, Any]) -> str:
     """One grammar, for people."""
+    if "error" in facts:
+        return f"{name}: {facts['error']}"
     rewrites = facts["rewrites"]
     width = max(len(rule) for rule in rewrites)
     lines = [f"{name}, whose programs count their {facts['counted']}s"]

@@ -54,7 +54,35 @@ Dialect = Annotated[
         metavar="NAME", help="Language of .py: build123d, build123d-algebra or cadquery.", show_default="build123d"
     ),
 ]
-Grammar = Annotated[str, typer.Option(metavar="NAME", help="Language of shapes: arc-line, union-rect or tree.")]
+Grammar = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME", help="Language of shapes: arc-line, union-rect, tree, or another's: docs/grammar-authoring.md."
+    ),
+]
+ScriptGrammar = Annotated[
+    str | None,
+    typer.Option(
+        "--grammar",
+        metavar="FILE.py:OBJECT",
+        help="The script's grammar that the program is in, which runs then.",
+        show_default=False,
+    ),
+]
+Branches = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LENGTH",
+        help="Join a tree's leaves by branches of this width into one part: 2mm, 3px.",
+        show_default=False,
+    ),
+]
+Separate = Annotated[
+    bool,
+    typer.Option(
+        "--separate", help="Every rectangle of union-rect as a body or loop by itself; .step .brep .dxf .svg."
+    ),
+]
 Variant = Annotated[
     str | None,
     typer.Option(metavar="NAME", help="Some of its rewrites only; `d4cad grammars` lists them.", show_default="all"),

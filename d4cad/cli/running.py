@@ -14,6 +14,7 @@ from d4cad.errors import D4cadError
 
 if TYPE_CHECKING:
     from d4cad.exporters import Options
+    from d4cad.exporters.form import Form
     from d4cad.fit import Fit
     from d4cad.placement import Placement
 
@@ -93,14 +94,16 @@ def report(
     quiet: bool,
     as_json: bool,
     notes: tuple[str, ...] = (),
+    form: Form | None = None,
 ) -> None:
     """The summary, as text or as one JSON object; ``notes``: sentences for it beside the fit's own."""
+    from d4cad.exporters.form import PLAIN
     from d4cad.summary import summary, text
 
     if quiet and not as_json:
         return
     files = [*outputs, *([] if preview is None else [preview])]
-    facts = summary(fit, placement, files)
+    facts = summary(fit, placement, files, form or PLAIN)
     facts["notes"] += notes
     typer.echo(json.dumps(facts, allow_nan=False) if as_json else text(facts))
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from d4cad.edges import Complexes, Floats, cross
 from d4cad.errors import GeometryError, InputError
 from d4cad.importers.drawing import Drawing, assembled
 from d4cad.importers.strokes import SAMPLING, Stroke, arc, fitted, line
@@ -32,6 +33,9 @@ MOST = 200_000
 SMALLEST = 1e-7
 """Least distance between curve and chord as a share of the curve's size: what is far larger than a part stays few
 points."""
+
+FINEST = 24
+"""Halvings of a spline's parameter, at most."""
 
 FLAT = 1e-9
 """Largest slope of an entity's plane, and relative difference of the axes of an ellipse that is a circle."""
@@ -181,7 +185,7 @@ class _Reader:
 
 def _pieces(curve: Any) -> int:
     """Number of polynomial pieces of a spline; 1 of an ellipse."""
-    return max(len(set(curve.construction_tool().knots())) - 1, 1) if curve.dxftype() == "SPLINE" else 1
+    return _breaks(curve.construction_tool()).size - 1 if curve.dxftype() == "SPLINE" else 1
 
 
 def _normal(entity: Any) -> tuple[float, float, float]:
@@ -277,11 +281,49 @@ def _spline(entity: Any, tolerance: float) -> Iterator[Stroke]:
                 for p in curve.control_points), default=0.0)  # fmt: skip
     if not (isfinite(size) and size > 0):
         raise GeometryError("it has a spline without a size")
-    points = list(curve.flattening(max(SAMPLING * tolerance, SMALLEST * size), segments=8))
-    z = np.array([complex(p.x, p.y) for p in points])
+    z = _flattened(curve, max(SAMPLING * tolerance, SMALLEST * size))
     if abs(z[-1] - z[0]) <= FLAT * size or entity.closed:
         z = np.append(z[:-1], z[0]) if abs(z[-1] - z[0]) <= FLAT * size else np.append(z, z[0])
     yield fitted(z, tolerance)
+
+
+def _breaks(curve: Any) -> Floats:
+    """Parameters between which a B-spline is one polynomial each, in order; at least two.
+
+    A curve of degree p with n control points is defined from knot p to knot n only, counted from 0 (de Boor, A
+    Practical Guide to Splines, IX): the knots outside, which closed splines have, shape it but are none of its points.
+    """
+    knots = np.array(curve.knots())
+    low, high = knots[curve.degree], knots[curve.count]
+    if not low < high:
+        raise GeometryError("it has a spline without a length")
+    return np.unique(knots[(knots >= low) & (knots <= high)])
+
+
+def _flattened(curve: Any, distance: float) -> Complexes:
+    """Points of a B-spline between which its middle is nowhere ``distance`` or more from the chord."""
+
+    def at(t: Floats) -> Complexes:
+        return np.array([complex(p.x, p.y) for p in curve.points(t.tolist())])
+
+    breaks = _breaks(curve)
+    t = np.interp(np.arange(8 * (breaks.size - 1) + 1) / 8, np.arange(breaks.size), breaks)
+    z = at(t)
+    new = np.ones(t.size - 1, dtype=np.bool_)
+    for _ in range(FINEST):
+        k = np.flatnonzero(new)
+        middle = (t[k] + t[k + 1]) / 2
+        found = at(middle)
+        chord = z[k + 1] - z[k]
+        off = np.abs(cross(chord, found - z[k])) / np.maximum(np.abs(chord), 1e-300)
+        bent = off >= distance
+        if not bent.any():
+            break
+        t, z = np.insert(t, k[bent] + 1, middle[bent]), np.insert(z, k[bent] + 1, found[bent])
+        new = np.zeros(t.size - 1, dtype=np.bool_)
+        first = k[bent] + np.arange(np.count_nonzero(bent))
+        new[first] = new[first + 1] = True
+    return z
 
 
 _KINDS = {

@@ -12,8 +12,8 @@ import numpy as np
 
 from d4cad.canvas import Canvas
 from d4cad.objectives.domain import Domain
-from d4cad.objectives.fem import Response
 from d4cad.objectives.image import ImageLoss
+from d4cad.objectives.symmetry import Work
 from d4cad.program import Floats
 from d4cad.protocols import Constraint, Evaluation
 from d4cad.raster.band import Band, add_normal_equations
@@ -51,8 +51,8 @@ class ComplianceLoss:
     @classmethod
     def of(cls, domain: Domain, halved: Domain | None = None) -> ComplianceLoss:
         """The loss of a domain; ``halved``: the same problem on elements of twice the size."""
-        whole = domain.young(np.where(domain.void, WEAK, 1.0))
-        return cls(domain, domain.elastic.solve(whole).compliance, None if halved is None else cls.of(halved))
+        whole = np.where(domain.void, WEAK, 1.0)
+        return cls(domain, domain.work(whole).compliance, None if halved is None else cls.of(halved))
 
     def with_volume(self, volume: float) -> ComplianceLoss:
         """The loss of a part of another volume, in elements."""
@@ -81,9 +81,9 @@ class ComplianceLoss:
         """(height, width) of the domain."""
         return self.domain.unfolded(tented(band).coverage)
 
-    def response(self, density: Floats) -> Response:
-        """Displacements, energies and compliance of a density."""
-        return self.domain.elastic.solve(self.domain.young(WEAK + density * (1 - WEAK)))
+    def response(self, density: Floats) -> Work:
+        """Energies and compliance of a density."""
+        return self.domain.work(WEAK + density * (1 - WEAK))
 
     def value(self, band: Band) -> float:
         """The loss."""
@@ -124,5 +124,7 @@ class ComplianceLoss:
         density = self.density(band)
         energy = self.response(density).energy * density
         worth = self.exponent * energy.sum() / self.domain.volume
+        if worth == 0:  # no material at all: nowhere to make a hole
+            return np.zeros(band.shape)
         gain = np.where(density > 0.99, np.clip(3 * energy / worth - 1, -1, 0), 0.0)
         return np.asarray(self.domain.folded(gain) / 2 ** sum(self.domain.mirrored))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from d4cad.canvas import SPAN, Canvas
 from d4cad.objectives.fem import PlaneStress
+from d4cad.objectives.symmetry import Folded, Work
 from d4cad.program import Floats
 
 Bools = NDArray[np.bool_]
@@ -21,7 +23,7 @@ OUTSIDE = 1e-9
 """Stiffness of what is not part of the domain."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Domain:
     """inside: (height, width) bool, elements of the domain. solid, void: those that are fixed. elastic: supports, loads
     and elements. volume: number of elements of material to use, fixed ones included. mirrored: whether the problem and
@@ -58,6 +60,14 @@ class Domain:
     def young(self, stiffness: Floats) -> Floats:
         """Stiffnesses with those outside of the domain at their least, (height, width)."""
         return np.where(self.inside, stiffness, OUTSIDE)
+
+    @cached_property
+    def _folded(self) -> Folded:
+        return Folded.of(self.elastic, self.mirrored)
+
+    def work(self, stiffness: Floats) -> Work:
+        """What the loads do to stiffnesses (height, width) as symmetric as the domain; those outside do not count."""
+        return self._folded.solve(self.young(stiffness))
 
     @property
     def drawn(self) -> tuple[int, int]:

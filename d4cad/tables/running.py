@@ -20,7 +20,8 @@ from d4cad.descent import Stop, descend
 from d4cad.edgemodel import exact
 from d4cad.errors import D4cadError, InputError
 from d4cad.files import replacing
-from d4cad.fit import decibels, warm
+from d4cad.fit import decibels
+from d4cad.fitting import warm
 from d4cad.objectives.image import ImageLoss
 from d4cad.tables.sets import cases
 from d4cad.tables.settings import Setting

@@ -42,8 +42,9 @@ def source(
     ``dialect``: one of DIALECTS. ``thickness`` (mm) and ``scale`` (mm that one unit in the plane becomes) are the
     values of the parameters of these names; so is ``tolerance``, mm, of OpenSCAD's facets. ``name``: where the
     part comes from, for the first line. Loops that are circles, rectangles, slots or regular polygons within
-    1e-6 mm are written as such, with named sizes; equal ones share theirs. Executed, a Python dialect gives ``result``,
-    whose volume is the sketch's to about 1e-9. The same input gives the same text.
+    1e-6 mm are written as such, with named sizes; equal ones share theirs. The relations and dimensions of the sketch
+    become parameters from which its points are computed (`d4cad.exporters.source.shared`). Executed, a Python
+    dialect gives ``result``, whose volume is the sketch's to about 1e-9. The same input gives the same text.
     Raises InputError for an unknown dialect, a bad thickness or tolerance, and a sketch that is empty or not in mm,
     GeometryError for a bad scale.
     """

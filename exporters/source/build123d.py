@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 
 from d4cad.exporters.source.layout import (
+    COLUMNS,
     INDENT,
     Group,
     Node,
@@ -13,15 +14,16 @@ from d4cad.exporters.source.layout import (
     assignments,
     call,
     center,
+    functions,
     laid,
+    middle,
     opening,
-    point_function,
+    point,
     scaled,
 )
 from d4cad.exporters.source.parameters import Names
 from d4cad.exporters.source.plan import Contour, Family, Piece, Plan
 from d4cad.features import Circle, Feature, Rectangle, RegularPolygon, RoundedRectangle, Slot
-from d4cad.loop import Point
 
 NAMES = (
     *("BuildLine", "BuildPart", "BuildSketch", "Circle", "Line", "Locations", "Mode", "Polyline", "Pos", "RadiusArc"),
@@ -50,7 +52,7 @@ def algebra(plan: Plan, name: str) -> str:
     """The part in algebra mode: one sketch for each contour, faces by subtraction."""
     lines: list[str] = []
     for contour in plan.contours:
-        lines += [f"# {contour.comment}", *_made(contour, plan), ""]
+        lines += [*(f"# {comment}" for comment in contour.comments), *_made(contour, plan), ""]
     named = []
     for k, face in enumerate(plan.faces, 1):
         if face.holes:
@@ -71,7 +73,7 @@ def _module(plan: Plan, name: str, body: Sequence[str]) -> str:
     imports = laid(Group("", tuple(used), ""), before="from build123d import ")
     if len(imports) > 1:
         imports = ["from build123d import (", *(f"{INDENT}{each}," for each in used), ")"]
-    return "\n".join([*opening(plan, name, HOW), *imports, "", *assignments(plan), *point_function(), *body, ""])
+    return "\n".join([*opening(plan, name, HOW), *imports, "", *assignments(plan), *functions(plan), *body, ""])
 
 
 # Builder mode
@@ -79,13 +81,13 @@ def _module(plan: Plan, name: str, body: Sequence[str]) -> str:
 
 def _built(family: Family, plan: Plan) -> list[str]:
     first, mode = family.first, ["mode=Mode.SUBTRACT"] if family.subtracted else []
-    comment = f"{INDENT * 2}# {family.comment}"
+    comments = [f"{INDENT * 2}# {comment}" for comment in family.comments]
     if first.feature is None:
         edges = [line for edge in _edges(first.pieces, plan, all_named=False) for line in laid(edge[1], 3, edge[0])]
-        return [comment, f"{INDENT * 2}with BuildLine() as {first.name}:", *edges, *laid(call("make_face", *mode), 2)]
+        return [*comments, f"{INDENT * 2}with BuildLine() as {first.name}:", *edges, *laid(call("make_face", *mode), 2)]
     places = laid(call("Locations", *(center(member.names) for member in family.members)), 2, "with ", ":")
     angle = [f"rotation={first.names['angle']}"] if "angle" in first.names else []
-    return [comment, *places, *laid(_primitive(first.feature, first.names, [*angle, *mode]), 3)]
+    return [*comments, *places, *laid(_primitive(first.feature, first.names, [*angle, *mode]), 3)]
 
 
 def _primitive(found: Feature, names: Names, options: Sequence[Node]) -> Group:
@@ -115,7 +117,10 @@ def _made(contour: Contour, plan: Plan) -> list[str]:
         return [*lines, *laid(face, before=f"{contour.name} = ")]
     angle = [f"rotation={contour.names['angle']}"] if "angle" in contour.names else []
     shape = _primitive(contour.feature, contour.names, angle)
-    return laid(shape, before=f"{contour.name} = Pos({center(contour.names)}) * ")
+    place = call("Pos", center(contour.names))
+    if len(f"{contour.name} = {place} * {shape.head}") <= COLUMNS:
+        return laid(shape, before=f"{contour.name} = {place} * ")
+    return laid(place, before=f"{contour.name} = ", after=f" * {shape}")
 
 
 # Edges of both modes
@@ -124,27 +129,23 @@ def _made(contour: Contour, plan: Plan) -> list[str]:
 def _edges(pieces: Sequence[Piece], plan: Plan, *, all_named: bool) -> list[tuple[str, Group]]:
     """For each piece its assignment, "" where nothing refers to it, and its call; each vertex is written once."""
     if len(pieces) == 1:
-        ring = call("Polyline", *(_point(point, plan) for point in pieces[0].points[:-1]), "close=True")
+        ring = call("Polyline", *(point(place, plan) for place in pieces[0].points[:-1]), "close=True")
         return [("line_1 = " if all_named else "", ring)]
     names = [f"{'line' if piece.middle is None else 'arc'}_{k}" for k, piece in enumerate(pieces, 1)]
     made = []
     for k, piece in enumerate(pieces):
         last = k == len(pieces) - 1
-        start = f"{names[k - 1]} @ 1" if k else _point(piece.points[0], plan)
-        end = f"{names[0]} @ 0" if last else _point(piece.points[-1], plan)
+        start = f"{names[k - 1]} @ 1" if k else point(piece.points[0], plan)
+        end = f"{names[0]} @ 0" if last else point(piece.points[-1], plan)
         before = "" if last and not all_named else f"{names[k]} = "
         made.append((before, _edge(piece, start, end, plan)))
     return made
 
 
-def _edge(piece: Piece, start: str, end: str, plan: Plan) -> Group:
+def _edge(piece: Piece, start: Node, end: Node, plan: Plan) -> Group:
     if piece.middle is None:
-        between = [_point(point, plan) for point in piece.points[1:-1]]
+        between = [point(place, plan) for place in piece.points[1:-1]]
         return call("Polyline" if between else "Line", start, *between, end)
     if piece.radius is not None:  # build123d's sign: > 0 is clockwise
-        return call("RadiusArc", start, end, f"{plan.number(-piece.radius)} * scale")
-    return call("ThreePointArc", start, _point(piece.middle, plan), end)
-
-
-def _point(point: Point, plan: Plan) -> str:
-    return f"at({plan.number(point[0])}, {plan.number(point[1])})"
+        return call("RadiusArc", start, end, scaled(plan.radius(piece, sign=-1)))
+    return call("ThreePointArc", start, middle(piece, plan), end)

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import atan2, degrees
 
 from d4cad.exporters.source.layout import (
     COLUMNS,
     INDENT,
     Group,
+    Node,
     array,
     assignments,
     call,
     center,
     chained,
+    computed,
+    functions,
     laid,
+    middle,
     opening,
-    point_function,
+    point,
     scaled,
 )
 from d4cad.exporters.source.plan import Contour, Family, Piece, Plan
 from d4cad.features import Circle, Feature, Rectangle, RegularPolygon, RoundedRectangle, Slot
-from d4cad.loop import Point
 
 HOW = ("Needs CadQuery. Open it in CQ-editor, or import `result` from this file.",)
 
@@ -31,7 +35,8 @@ def source(plan: Plan, name: str) -> str:
     for contour in plan.contours:
         if _has_own_sketch(contour):
             calls = [call("cq.Sketch"), *_sketched(contour, plan)]
-            lines += [f"# {contour.comment}", *_noted(chained(f"{contour.name} = ", calls), contour, plan), ""]
+            comments = [f"# {comment}" for comment in contour.comments]
+            lines += [*comments, *_noted(chained(f"{contour.name} = ", calls), contour, plan), ""]
     lines += [
         *_profile([family for face in plan.faces for family in face.families]),
         "",
@@ -41,7 +46,7 @@ def source(plan: Plan, name: str) -> str:
         f"{INDENT}show_object(result)  # noqa: F821",
         "",
     ]
-    head = [*opening(plan, name, HOW), "import cadquery as cq", "", *assignments(plan), *point_function()]
+    head = [*opening(plan, name, HOW), "import cadquery as cq", "", *assignments(plan), *functions(plan)]
     return "\n".join([*head, *lines])
 
 
@@ -57,7 +62,7 @@ def _profile(families: Sequence[Family]) -> list[str]:
     lines = ["profile = (", f"{INDENT}cq.Sketch()"]
     for family in families:
         if not _has_own_sketch(family.first):
-            lines.append(f"{INDENT}# {family.comment}")
+            lines += [f"{INDENT}# {comment}" for comment in family.comments]
         for step in _steps(family):
             lines += laid(step, 1, ".")
     return [*lines, ")"]
@@ -71,32 +76,44 @@ def _sketched(contour: Contour, plan: Plan) -> list[Group]:
         return [rectangle, call("vertices"), call("fillet", scaled(names["radius"])), call("reset")]
     pieces = contour.pieces
     if len(pieces) == 1:
-        return [call("polygon", array([_point(point, plan) for point in pieces[0].points[:-1]]))]
+        return [call("polygon", array([point(place, plan) for place in pieces[0].points[:-1]]))]
     calls: list[Group] = []
     for k, piece in enumerate(pieces):
-        start = [] if k else [_point(piece.points[0], plan)]
+        start = [] if k else [point(piece.points[0], plan)]
         last = k == len(pieces) - 1
         calls += _edges(piece, start, plan, last=last)
     return [*calls, call("assemble")]
 
 
-def _edges(piece: Piece, start: Sequence[str], plan: Plan, *, last: bool) -> list[Group]:
+def _edges(piece: Piece, start: Sequence[Node], plan: Plan, *, last: bool) -> list[Group]:
     """Each begins where the one before ended; only the first has a start of its own."""
-    points = [_point(point, plan) for point in piece.points[1:]]
+    points = [point(place, plan) for place in piece.points[1:]]
+    if piece.center is not None:  # a quarter, told by its centre, radius, first angle and sweep
+        return [call("arc", computed(piece.center, plan), scaled(piece.radius_name), *_angles(piece))]
     if piece.middle is not None:
-        return [call("arc", *start, _point(piece.middle, plan), *points)]
-    segments = [call("segment", *(start if k == 0 else ()), point) for k, point in enumerate(points)]
+        return [call("arc", *start, middle(piece, plan), *points)]
+    segments = [call("segment", *(start if k == 0 else ()), end) for k, end in enumerate(points)]
     return [*segments[:-1], call("close")] if last else segments
+
+
+def _angles(piece: Piece) -> tuple[str, str]:
+    """Of a quarter of a circle between level and upright lines: where it begins and how far it goes, in degrees."""
+    (x0, y0), (x1, y1) = piece.points
+    turn = 1 if piece.bulge > 0 else -1
+    across, up = (x1 - x0) - turn * (y1 - y0), (y1 - y0) + turn * (x1 - x0)  # from the centre to the start, times -2
+    first = round(degrees(atan2(-up, -across)) / 90) * 90 % 360
+    return str(first), str(90 * turn)
 
 
 def _noted(lines: list[str], contour: Contour, plan: Plan) -> list[str]:
     """The radius beside each arc that has a short one: three points do not tell it."""
-    radii = iter([piece.radius for piece in contour.pieces if piece.middle is not None])
+    arcs = iter([piece for piece in contour.pieces if piece.middle is not None])
     noted = []
     for line in lines:
-        radius = next(radii) if line.startswith(f"{INDENT}.arc(") else None
-        note = "" if radius is None else f"  # radius {plan.number(abs(radius))}"
-        noted.append(line + note if len(line + note) <= COLUMNS else line)
+        arc = next(arcs) if line.startswith(f"{INDENT}.arc(") else None
+        told = arc is None or arc.radius is None or arc.radius_name
+        note = "" if arc is None or told else f"  # radius {plan.radius(arc, sign=0)}"
+        noted.append(line + note if len(line + note) <= COLUMNS and not line.endswith("(") else line)
     return noted
 
 
@@ -125,7 +142,3 @@ def _primitive(contour: Contour, found: Feature, mode: Sequence[str]) -> Group:
         case RegularPolygon(sides=sides):  # CadQuery's first corner is at the top
             turn = f"{names['angle']} - 90" if angle else "-90"
             return call("regularPolygon", scaled(names["radius"]), str(sides), turn, *mode)
-
-
-def _point(point: Point, plan: Plan) -> str:
-    return f"at({plan.number(point[0])}, {plan.number(point[1])})"

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 from d4cad import __version__
 from d4cad.exporters.source.parameters import Parameter
-from d4cad.exporters.source.plan import Plan
+from d4cad.exporters.source.places import Place
+from d4cad.exporters.source.plan import Piece, Plan
 from d4cad.exporters.source.words import plain
+from d4cad.loop import Point
 
 COLUMNS = 88
 INDENT = "    "
@@ -77,30 +79,46 @@ def opening(plan: Plan, name: str, how: Sequence[str]) -> list[str]:
 
 
 def assignments(plan: Plan) -> list[str]:
-    """The parameters, then an empty line and the dimensions."""
+    """The parameters, the dimensions, what follows from them, and what holds between contours, a block each."""
     lines = [_assignment(parameter, plan) for parameter in plan.parameters]
-    if plan.dimensions:
-        lines += ["", *(_assignment(parameter, plan) for parameter in plan.dimensions)]
-    return lines
+    for block in (plan.dimensions, plan.formulas):
+        if block:
+            lines += ["", *(_assignment(parameter, plan) for parameter in block)]
+    return [*lines, "", *(f"# {each}" for each in plan.relations)] if plan.relations else lines
 
 
 def _assignment(parameter: Parameter, plan: Plan) -> str:
     """Sizes are floats, as the numbers that they are may become anything; points are as short as elsewhere."""
     value = parameter.value
-    text = f"({plan.number(value[0])}, {plan.number(value[1])})" if isinstance(value, tuple) else repr(value)
+    match value:
+        case str():
+            text = value
+        case (x, y):
+            text = f"({plan.number(x)}, {plan.number(y)})"
+        case _:
+            text = repr(value)
     return f"{parameter.name} = {text}" + (f"  # {parameter.note}" if parameter.note else "")
 
 
-def point_function() -> list[str]:
-    """The function through which every point goes, so that ``scale`` is in one place."""
-    text = f'''
+POINT = f'''
 
 def at(x, y):
 {INDENT}"""A point of the drawing, in mm."""
 {INDENT}return x * scale, y * scale
-
 '''
-    return text.split("\n")
+
+MIDDLE = f'''
+
+def middle(start, end, bulge):
+{INDENT}"""The middle of an arc, whose bulge is tan(sweep / 4), > 0 counter-clockwise."""
+{INDENT}x, y = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
+{INDENT}return x + bulge * (end[1] - start[1]) / 2, y - bulge * (end[0] - start[0]) / 2
+'''
+
+
+def functions(plan: Plan) -> list[str]:
+    """The function through which every point goes, so that ``scale`` is in one place; and one for arcs if needed."""
+    return f"{POINT}{MIDDLE if plan.has_bent_arcs else ''}\n".split("\n")
 
 
 def scaled(name: str) -> str:
@@ -108,6 +126,26 @@ def scaled(name: str) -> str:
     return f"{name} * scale"
 
 
-def center(contour_names: dict[str, str]) -> str:
+def center(contour_names: dict[str, str]) -> Group:
     """The centre of a feature as a point in mm."""
-    return f"at(*{contour_names['center']})"
+    if "center" in contour_names:
+        return call("at", f"*{contour_names['center']}")
+    return call("at", contour_names["x"], contour_names["y"])
+
+
+def point(place: Point, plan: Plan) -> Group:
+    """A point of the drawing in mm."""
+    return computed(plan.place(place), plan)
+
+
+def computed(place: Place, plan: Plan) -> Group:
+    """A point of the drawing in mm from what it is computed from."""
+    return call("at", *(each.text(plan.decimals) for each in place))
+
+
+def middle(piece: Piece, plan: Plan) -> Group:
+    """The middle of an arc."""
+    start, end = piece.points
+    if piece.bent:
+        return call("middle", point(start, plan), point(end, plan), f"{piece.bulge:.12g}")
+    return point(piece.middle or start, plan)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from d4cad import __version__
-from d4cad.exporters.source.parameters import Parameter
+from d4cad.exporters.source.parameters import Names, Parameter
 from d4cad.exporters.source.plan import Contour, Face, Plan
 from d4cad.exporters.source.words import number, plain
 from d4cad.features import Circle, Feature, Rectangle, RegularPolygon, RoundedRectangle, Slot
@@ -47,13 +47,18 @@ def source(plan: Plan, name: str, tolerance: float) -> str:
         "",
         *(_assignment(parameter, plan) for parameter in plan.dimensions),
         *([""] if plan.dimensions else []),
+        *(_assignment(parameter, plan) for parameter in plan.formulas),
+        *([""] if plan.formulas else []),
+        *(f"// {each}" for each in plan.relations),
+        *([""] if plan.relations else []),
         "linear_extrude(thickness) scale(scale) {",
         *(line for face in plan.faces for line in _face(face)),
         "}",
         "",
     ]
     for contour in plan.contours:
-        lines += [f"// {contour.comment}", f"module {contour.name}() {{", *_body(contour, plan), "}", ""]
+        comments = [f"// {comment}" for comment in contour.comments]
+        lines += [*comments, f"module {contour.name}() {{", *_body(contour, plan), "}", ""]
     arcs = any(piece.middle is not None for contour in plan.contours for piece in contour.pieces)
     rounds = any(isinstance(contour.feature, (Circle, RoundedRectangle, Slot)) for contour in plan.contours)
     return "\n".join([*lines, *([FACETS] if arcs or rounds else []), *([ARC] if arcs else [])])
@@ -67,14 +72,20 @@ def _face(face: Face) -> list[str]:
 
 def _assignment(parameter: Parameter, plan: Plan) -> str:
     value = parameter.value
-    text = _point(value, plan) if isinstance(value, tuple) else number(value, EXACT)
+    match value:
+        case str():
+            text = value
+        case (x, y):
+            text = f"[{plan.number(x)}, {plan.number(y)}]"
+        case _:
+            text = number(value, EXACT)
     return f"{parameter.name} = {text};" + (f" // {parameter.note}" if parameter.note else "")
 
 
 def _body(contour: Contour, plan: Plan) -> list[str]:
     if contour.feature is not None:
         turn = f" rotate({contour.names['angle']})" if "angle" in contour.names else ""
-        return [f"    translate({contour.names['center']}){turn}", *_primitive(contour.feature, contour.names)]
+        return [f"    translate({_center(contour.names)}){turn}", *_primitive(contour.feature, contour.names)]
     pieces = contour.pieces
     if len(pieces) == 1:
         points = ",\n".join(f"        {_point(point, plan)}" for point in pieces[0].points[:-1])
@@ -116,5 +127,10 @@ def _bulge(value: float) -> str:
     return f"{value:.12g}"
 
 
+def _center(names: Names) -> str:
+    return names["center"] if "center" in names else f"[{names['x']}, {names['y']}]"
+
+
 def _point(point: Point, plan: Plan) -> str:
-    return f"[{plan.number(point[0])}, {plan.number(point[1])}]"
+    x, y = plan.place(point)
+    return f"[{x.text(plan.decimals)}, {y.text(plan.decimals)}]"

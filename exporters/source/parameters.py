@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees
 
@@ -18,10 +18,10 @@ ANGLE_DECIMALS = 9
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A number, or a point, that a user may change. ``note``: the comment beside it, perhaps empty."""
+    """A number, or a point, that a user may change, or a formula. ``note``: the comment beside it, perhaps empty."""
 
     name: str
-    value: float | Point
+    value: float | Point | str
     note: str = ""
 
 
@@ -44,15 +44,21 @@ class Named:
 
 
 Names = dict[str, str]
-"""The parameter that holds each size of a feature: {"diameter": "hole_diameter", "center": "hole_1_center"}."""
+"""The parameter that holds each size of a feature: {"diameter": "hole_diameter", "center": "hole_1_center"}.
+
+In place of "center" there may be "x" and "y", with formulas.
+"""
 
 
-def named(features: Sequence[Named], decimals: int) -> tuple[list[Parameter], dict[str, Names]]:
+def named(
+    features: Sequence[Named], decimals: int, places: Mapping[str, tuple[str, str]]
+) -> tuple[list[Parameter], dict[str, Names]]:
     """The parameters of features, lengths rounded to ``decimals``, and for each contour their names.
 
     Features of one role, kind and size are a family: it shares its sizes, which are called after its first member, or
     "hole_diameter" where it is the only family of several holes. Their common value is the mean, so that a part
-    whose sizes differ by no more than EQUAL keeps its volume to the square of that.
+    whose sizes differ by no more than EQUAL keeps its volume to the square of that. ``places``: formulas for x and y of
+    centres, by contour; only the others are parameters.
     """
     families = _families(features)
     parameters: list[Parameter] = []
@@ -66,10 +72,13 @@ def named(features: Sequence[Named], decimals: int) -> tuple[list[Parameter], di
             mean = sum(one[key] for one in each) / len(each)
             parameters.append(Parameter(name, round(mean, decimals) + 0.0, note))
         for member in family:
-            own = {key: f"{member.name}_{key}" for key, _, _ in _placement(member.feature, decimals)}
-            parameters += [
-                Parameter(own[key], value, note) for key, value, note in _placement(member.feature, decimals)
-            ]
+            own: Names = {}
+            for key, value, note in _placement(member.feature, decimals):
+                if key == "center" and member.name in places:
+                    own |= zip("xy", places[member.name], strict=True)
+                else:
+                    own[key] = f"{member.name}_{key}"
+                    parameters.append(Parameter(own[key], value, note))
             names[member.name] = shared | own
     return parameters, names
 

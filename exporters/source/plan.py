@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from math import floor, hypot, log10, sqrt
+from math import copysign, floor, hypot, log10, sqrt
 
 from d4cad.exporters.occ import CAUTIOUS, CONFUSION, FLATTEST, require_mm, require_thickness
+from d4cad.exporters.source.linear import Linear
 from d4cad.exporters.source.parameters import Named, Names, Parameter, named
+from d4cad.exporters.source.places import Place, center, exact, middle
+from d4cad.exporters.source.shared import Shared, shared
+from d4cad.exporters.source.told import told
 from d4cad.exporters.source.words import at, described, edges, number, ranges, short
 from d4cad.features import TOLERANCE, Circle, Feature, feature
 from d4cad.loop import ROUNDING, Loop, Point
@@ -15,6 +19,9 @@ from d4cad.sketch import Sketch
 
 DECIMALS = 9
 """Decimals of a coordinate in mm of a part of 1 mm or more; smaller parts have as many significant digits."""
+
+LARGEST = 0.9
+"""Bulge of arcs whose radius is written: the chord of major arcs and near semicircles says little about theirs."""
 
 UNSEEN = 1e-9
 """Share of the part's area that an arc may lose by becoming a line where the kernel would find it invalid."""
@@ -25,13 +32,18 @@ class Piece:
     """Consecutive lines through ``points``, or one arc from the first point over ``middle`` to the last.
 
     ``bulge``: of the arc. ``radius``: of an arc for which a short number is as exact as three points are, signed as
-    its bulge: > 0 counter-clockwise.
+    its bulge: > 0 counter-clockwise; its magnitude may be a parameter, ``radius_name``, and then ``center`` is what the
+    arc's centre is computed from. ``bent``: whether the chord depends on parameters in such a way that the middle is
+    best computed from the ends.
     """
 
     points: tuple[Point, ...]
     middle: Point | None = None
     bulge: float = 0.0
     radius: float | None = None
+    radius_name: str = ""
+    center: Place | None = None
+    bent: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +51,7 @@ class Contour:
     """One closed curve. ``name``: outer_1, hole_1 ... ``what``: kind and size, for people.
 
     ``feature``: what it is called, if it has a name, and ``names``: the parameters that hold its sizes.
-    ``pieces``: its edges if it has no name; lines come first if there are any.
+    ``pieces``: its edges if it has no name; lines come first if there are any. ``relations``: what holds between them.
     """
 
     name: str
@@ -47,11 +59,12 @@ class Contour:
     feature: Feature | None = None
     names: Names = field(default_factory=dict)
     pieces: tuple[Piece, ...] = ()
+    relations: str = ""
 
     @property
-    def comment(self) -> str:
-        """Its name in words, and what it is."""
-        return f"{self.name.replace('_', ' ')}: {self.what}"
+    def comments(self) -> list[str]:
+        """Its name in words and what it is, and the relations of its edges."""
+        return [f"{self.name.replace('_', ' ')}: {self.what}", *([self.relations] if self.relations else [])]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,29 +101,38 @@ class Family:
         return self.members[0]
 
     @property
-    def comment(self) -> str:
+    def comments(self) -> list[str]:
         """Names in words, and what they are."""
         if len(self.members) == 1:
-            return self.first.comment
+            return self.first.comments
         numbers = [int(member.name.rpartition("_")[2]) for member in self.members]
         kind = self.first.what.partition(" at ")[0].replace("circle", "circles", 1)
-        return f"{self.first.name.partition('_')[0]}s {ranges(numbers)}: {kind}"
+        return [f"{self.first.name.partition('_')[0]}s {ranges(numbers)}: {kind}"]
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
     """A part as it will be written.
 
-    ``parameters``: those of the whole part, thickness and scale. ``dimensions``: those of its contours. ``faces``: one
-    comes before those that lie in its holes. ``edges``: what the part is made of, for people. ``decimals``: of
-    every coordinate.
+    ``parameters``: those of the whole part, thickness and scale. ``dimensions``: those of its contours. ``formulas``:
+    what follows from them. ``relations``: what holds between contours, for comments. ``faces``: one comes before those
+    that lie in its holes. ``edges``: what the part is made of, for people. ``decimals``: of every coordinate.
+    ``places``: the points that are computed.
     """
 
     parameters: tuple[Parameter, ...]
     dimensions: tuple[Parameter, ...]
+    formulas: tuple[Parameter, ...]
+    relations: tuple[str, ...]
     faces: tuple[Face, ...]
     edges: str
     decimals: int
+    places: Mapping[Point, Place]
+
+    @property
+    def has_bent_arcs(self) -> bool:
+        """Whether there is an arc whose middle is computed from its ends."""
+        return any(piece.bent for contour in self.contours for piece in contour.pieces)
 
     @property
     def contours(self) -> tuple[Contour, ...]:
@@ -120,6 +142,16 @@ class Plan:
     def number(self, value: float) -> str:
         """A coordinate or size, as short as its decimals allow."""
         return number(value, self.decimals)
+
+    def place(self, point: Point) -> Place:
+        """x and y of a point: numbers, or how they are computed."""
+        return self.places.get(point) or (Linear(point[0]), Linear(point[1]))
+
+    def radius(self, piece: Piece, *, sign: int) -> str:
+        """The radius of an arc that has one: a number or a parameter. sign: 1 as it is, -1 negated, 0 its magnitude."""
+        radius = piece.radius or 0.0
+        signed = abs(radius) if sign == 0 else sign * radius
+        return ("-" if signed < 0 else "") + (piece.radius_name or self.number(abs(radius)))
 
 
 def plan(sketch: Sketch, thickness: float, scale: float = 1.0) -> Plan:
@@ -133,28 +165,69 @@ def plan(sketch: Sketch, thickness: float, scale: float = 1.0) -> Plan:
     require_mm(sketch.scaled(scale))
     xmin, ymin, xmax, ymax = sketch.bounds
     decimals = DECIMALS + max(0, -floor(log10(max(xmax - xmin, ymax - ymin))))
-    ordered = sorted(sketch.faces, key=lambda face: -face.outer.area)  # what lies in a hole is smaller than its face
+    indexed = iter(enumerate(sketch.loops))
+    numbered = [(face, [next(indexed) for _ in face.loops]) for face in sketch.faces]
+    numbered.sort(key=lambda entry: -entry[0].outer.area)  # what lies in a hole is smaller than its face
     numbers = iter(range(1, len(sketch.loops) + 1))
-    faces = [
-        Face(
-            _contour(f"outer_{k}", face.outer, sketch.area, decimals),
-            tuple(_contour(f"hole_{next(numbers)}", hole, sketch.area, decimals) for hole in face.holes),
+    faces, found = [], dict[int, Contour]()
+    for k, (_, (outer, *holes)) in enumerate(numbered, 1):
+        named_loops = [(f"outer_{k}", *outer), *((f"hole_{next(numbers)}", *hole) for hole in holes)]
+        found |= {index: _contour(name, loop, sketch.area, decimals) for name, index, loop in named_loops}
+        faces.append([index for _, index, _ in named_loops])
+    contours = [found[index] for face in faces for index in face]
+    common = _shared(sketch, found, decimals)
+    centers = {found[index].name: (x.text(decimals), y.text(decimals)) for index, (x, y) in common.centers.items()}
+    features = [Named(c.name, c.feature) for c in contours if c.feature is not None]
+    dimensions, names = named(features, decimals, centers)
+    within, between = told(sketch, {index: contour.name for index, contour in found.items()})
+    places = dict(common.points)
+    for index, contour in found.items():
+        found[index] = replace(
+            contour,
+            names=names.get(contour.name, {}),
+            pieces=tuple(_computed(piece, common, places) for piece in contour.pieces),
+            relations=within.get(index, "") if contour.feature is None else "",
         )
-        for k, face in enumerate(ordered, 1)
-    ]
-    contours = [contour for face in faces for contour in face.contours]
-    dimensions, names = named([Named(c.name, c.feature) for c in contours if c.feature is not None], decimals)
     parameters = (
         Parameter("thickness", height, "mm"),
         Parameter("scale", float(scale), "mm per drawing unit, in the plane"),
     )
-    faces = [Face(*_with_names(face, names)) for face in faces]
-    return Plan(parameters, tuple(dimensions), tuple(faces), edges(*_census(contours)), decimals)
+    made = tuple(Face(found[outer], tuple(found[hole] for hole in holes)) for outer, *holes in faces)
+    return Plan(
+        parameters,
+        (*common.parameters, *dimensions),
+        common.formulas,
+        between,
+        made,
+        edges(*_census(contours)),
+        decimals,
+        places,
+    )
 
 
-def _with_names(face: Face, names: dict[str, Names]) -> tuple[Contour, tuple[Contour, ...]]:
-    outer, *holes = (replace(contour, names=names.get(contour.name, {})) for contour in face.contours)
-    return outer, tuple(holes)
+def _shared(sketch: Sketch, found: Mapping[int, Contour], decimals: int) -> Shared:
+    """The coordinates that contours of edges and circles share."""
+    rings = {k: contour.feature.center for k, contour in found.items() if isinstance(contour.feature, Circle)}
+    names = {k: contour.name for k, contour in found.items() if contour.feature is None or k in rings}
+    return shared(sketch, names, rings, decimals)
+
+
+def _computed(piece: Piece, common: Shared, places: dict[Point, Place]) -> Piece:
+    """The piece, its middle among the ``places`` and without a radius of its own, if its ends depend on parameters."""
+    if piece.middle is None:
+        return piece
+    ends = piece.points[0], piece.points[-1]
+    start, end = map(common.place, ends)
+    name = common.radii.get(ends, "")
+    bulge = exact(piece.bulge)
+    between = middle(start, end, bulge)
+    if between[0].terms or between[1].terms:
+        places[piece.middle] = between
+    if name:
+        radius = copysign(hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]) / sqrt(2), bulge)
+        return replace(piece, radius=radius, radius_name=name, center=center(start, end, bulge))
+    moves = any((end[axis] - start[axis]).terms for axis in (0, 1))
+    return replace(piece, radius=None, bent=abs(bulge) != 1) if moves else piece
 
 
 def _contour(name: str, loop: Loop, area: float, decimals: int) -> Contour:
@@ -202,9 +275,9 @@ def _is_flat(chord: float, bulge: float, area: float) -> bool:
 def _short_radius(chord: float, bulge: float, decimals: int) -> float | None:
     """The signed radius if, three decimals shorter than coordinates are, it still puts the arc's middle as exactly.
 
-    Major arcs and near semicircles are better told by three points: their chord says little about their radius.
+    Arcs of more than LARGEST are better told by three points.
     """
-    if abs(bulge) > 0.9:
+    if abs(bulge) > LARGEST:
         return None
     radius = round(chord * (1 + bulge * bulge) / (4 * abs(bulge)), decimals - 3)
     if radius <= chord / 2:

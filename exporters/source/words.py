@@ -53,6 +53,19 @@ def ranges(numbers: Sequence[int]) -> str:
     return listed([word for each in words for word in each])
 
 
+def contours(names: Sequence[str]) -> str:
+    """Names of contours in words, each role's numbers together.
+
+    >>> contours(["outer_1", "hole_2", "hole_4"])
+    'outer 1 and holes 2 and 4'
+    """
+    roles: dict[str, list[int]] = {}
+    for name in names:
+        role, _, k = name.rpartition("_")
+        roles.setdefault(role, []).append(int(k))
+    return listed([f"{role}{'s' if len(each) > 1 else ''} {ranges(sorted(each))}" for role, each in roles.items()])
+
+
 def edges(lines: int, arcs: int, circles: int = 0) -> str:
     """ "4 lines and 2 arcs"; kinds of which there are none are not named."""
     kinds = ((lines, "line"), (arcs, "arc"), (circles, "full circle"))

@@ -54,9 +54,18 @@ def branch_loop(a: Floats, b: Floats, width: float) -> Loop:
     return Loop(points, (0.0, 1.0, 0.0, 1.0))
 
 
+def joining(parents: tuple[int, ...], pose: Floats) -> list[int]:
+    """The nodes whose branches lie between two leaves: neither a stalk below the first one nor a bare twig."""
+    leaves = [int(one[3] > LEAST) for one in pose]
+    above = list(leaves)
+    for node in range(len(parents) - 1, 0, -1):
+        above[parents[node]] += above[node]
+    return [node for node in range(1, len(parents)) if 0 < above[node] < sum(leaves)]
+
+
 def union(parents: tuple[int, ...], pose: Floats, leaf: Leaf, branches: float) -> Sketch:
-    """The union of all leaves, and of branches of the width ``branches`` between the nodes if that is not 0, exactly
-    but for holes and specks under a PINHOLE.
+    """The union of all leaves, and, if the width ``branches`` is not 0, of the branches that join them, exactly but for
+    holes and specks under a PINHOLE.
 
     pose: (n, 4) in world units. Raises GeometryError where nothing is left.
     """
@@ -65,7 +74,7 @@ def union(parents: tuple[int, ...], pose: Floats, leaf: Leaf, branches: float) -
 
     loops = [leaf_loop(one, leaf) for one in pose if one[3] > LEAST]
     if branches > 0:
-        loops += [branch_loop(pose[parent], pose[node], branches) for node, parent in enumerate(parents) if parent >= 0]
+        loops += [branch_loop(pose[parents[node]], pose[node], branches) for node in joining(parents, pose)]
     bounding = [loop for loop in regions(loops) if abs(loop.area) > PINHOLE]
     if not bounding:
         raise GeometryError("a tree without leaves bounds no region")
