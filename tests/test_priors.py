@@ -138,7 +138,10 @@ def test_priors_by_name() -> None:
 
 
 def test_weights_come_back(tmp_path: Path) -> None:
-    arrays = {"b": np.arange(6.0).reshape(2, 3).astype(np.float16), "a": np.array([1.5], np.float32)}
+    arrays: dict[str, np.ndarray] = {
+        "b": np.arange(6.0).reshape(2, 3).astype(np.float16),
+        "a": np.array([1.5], np.float32),
+    }
     write_weights(tmp_path / "w.safetensors", arrays, {"words": "x y"})
     back, facts = read_weights(tmp_path / "w.safetensors")
     assert facts == {"words": "x y"}
@@ -150,7 +153,10 @@ def test_weights_come_back(tmp_path: Path) -> None:
 
 def test_weights_are_what_others_call_safetensors(tmp_path: Path) -> None:
     numpy = pytest.importorskip("safetensors.numpy", reason='needs the extra "sds"')
-    arrays = {"b": np.arange(6.0).reshape(2, 3).astype(np.float16), "a": np.array([1.5], np.float32)}
+    arrays: dict[str, np.ndarray] = {
+        "b": np.arange(6.0).reshape(2, 3).astype(np.float16),
+        "a": np.array([1.5], np.float32),
+    }
     write_weights(tmp_path / "w.safetensors", arrays, {})
     read = numpy.load_file(tmp_path / "w.safetensors")
     assert all(np.array_equal(read[name], arrays[name]) for name in arrays)
