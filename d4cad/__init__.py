@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from d4cad.fitting import fit_image as fit_image
     from d4cad.programs import load_program as load_program
     from d4cad.sketch import Sketch as Sketch
+    from d4cad.text import fit_text as fit_text
 
 __version__ = "0.1.0"
 
@@ -28,6 +29,7 @@ _HOMES = {
     "Sketch": "sketch",
     "fit_coverage": "fitting",
     "fit_image": "fitting",
+    "fit_text": "text",
     "load_program": "programs",
 }
 

@@ -89,6 +89,26 @@ class Frozen:
         return self.inner.estimate(program, rewrites, grammar, loss.frozen(), canvas, price)
 
 
+@dataclass(frozen=True, slots=True)
+class Linearised:
+    """For a loss that costs much and is known to first order: proposals by what it is near the base.
+
+    The loss has ``pull(coverage)`` with ``near``, a squared error that is ``1 / scale`` of it there but for a constant
+    (:class:`d4cad.objectives.distillation.Pull`): one evaluation serves all proposals.
+    """
+
+    inner: Estimator
+
+    def estimate(
+        self, program: Program[S], rewrites: Sequence[Rewrite], grammar: Grammar[S], loss: Any, canvas: Canvas,
+        price: float,
+    ) -> list[Trial]:  # fmt: skip
+        """The inner estimator's trials, their gains in units of the loss."""
+        pull = loss.pull(grammar.rasterize(program, canvas).coverage)
+        trials = self.inner.estimate(program, rewrites, grammar, pull.near, canvas, price / pull.scale)
+        return [Trial(trial.rewrite, trial.gain * pull.scale) for trial in trials]
+
+
 class CostlyLoss(Loss, Protocol):
     """A loss that knows cheap stand-ins for itself."""
 

@@ -286,6 +286,7 @@ def test_pure_noise_ends_and_says_so() -> None:
     assert not is_restless(drawn(PLATE))
     fit = fit_image(noise, max_time=0.01)
     assert fit.stop is Stop.TIME
+    assert fit.settings["init"] == "axiom"  # thousands of contours would be one dense step of gigabytes
     assert any("is it noise" in note for note in fit.settings["notes"])
 
 

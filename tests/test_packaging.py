@@ -60,6 +60,7 @@ ALLOWED: dict[str, set[str]] = {
         "steppers",
         "summary",
     },
+    "priors": {"priors", "errors", "files", "objectives", "program"},
     "program": {"errors"},
     "protocols": {"canvas", "errors", "loop", "program", "raster", "sketch"},
     "interrupts": set(),

@@ -24,6 +24,7 @@ from d4cad.cli import (
     simplify,
     tables,
     targets,
+    text,
 )
 
 app = typer.Typer(
@@ -58,6 +59,7 @@ def _common(
 
 for _command in (
     fit.fit,
+    text.text,
     beam.beam,
     export.export,
     simplify.simplify,

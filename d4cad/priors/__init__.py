@@ -1,0 +1,1 @@
+"""Denoisers that know what words look like: the embedded one, the trained one, Stable Diffusion."""
