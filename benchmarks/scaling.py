@@ -206,6 +206,10 @@ def main() -> None:
             lines.append(f"| {name} | {cells} | {slope(sizes, times):.2f} |")
         lines.append("")
     lines += [
+        "A trial ends early where its rewrite cannot pay, so that a round's time hangs more on the shape than on its"
+        " size. An evaluation costs the boundary's pixels, not the canvas' (slope 1, not 2); a fit's slope with"
+        " resolution is that of reading the picture. With hundreds of primitives the dense Cholesky factors of a step"
+        " begin to count.", "",
         f"Where the time of a fit of {MIDDLE} primitives goes (256x256, from the diamond, {total:.2f} CPU s under the"
         " profiler, which makes Python's part seem larger), own time:",
         "", "| function | share |", "|---|---|", *(f"| `{name}` | {share:.1%} |" for name, share in shares), "",
