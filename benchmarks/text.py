@@ -1,6 +1,6 @@
 """Parts from words, named by a recogniser that has seen none of the prior's icons.
 
-    python benchmarks/text.py [ICONS] [--prior NAME] [--grammar NAME ...] [--candidates 4] [--words star ...] [--out DIR]
+    python benchmarks/text.py [ICONS] [--prior NAME] [--grammar NAME ...] [--candidates 4] [--words W ...] [--out DIR]
 
 ICONS is a folder with the unpacked npm packages @mdi/svg, @fortawesome/fontawesome-free, bootstrap-icons, remixicon and
 ionicons, as `npm pack` fetches them, each in a folder that begins with its name (mdi-svg, fortawesome, ...); nothing of

@@ -18,7 +18,6 @@ from d4cad.priors.library import SIDE, Library, packed, shipped, unpacked
 from d4cad.priors.weights import read_weights, write_weights
 from d4cad.priors.words import ALIASES, TRAINED, found
 
-
 ARRAYS: dict[str, np.ndarray[Any, np.dtype[Any]]] = {
     "b": np.arange(6.0).reshape(2, 3).astype(np.float16),
     "a": np.array([1.5], np.float32),
