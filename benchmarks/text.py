@@ -151,7 +151,9 @@ class Recogniser:
             pose[:, 0, 0], pose[:, 0, 1] = mirror * turn.cos() * size[:, 0], -mirror * turn.sin() * size[:, 0]
             pose[:, 1, 0], pose[:, 1, 1] = turn.sin() * size[:, 1], turn.cos() * size[:, 1]
             pose[:, :, 2] = (torch.rand(128, 2) - 0.5) * 0.2
-            batch = F.grid_sample(shown[index], F.affine_grid(pose, [128, 1, SIDE, SIDE]), align_corners=False)
+            batch = F.grid_sample(
+                shown[index], F.affine_grid(pose, [128, 1, SIDE, SIDE], align_corners=False), align_corners=False
+            )
             bumps = F.interpolate(torch.randn(128, 1, 8, 8), size=SIDE, mode="bilinear") * 0.3
             batch = (batch + bumps * (F.max_pool2d(batch, 3, 1, 1) + F.max_pool2d(-batch, 3, 1, 1))).clamp(0, 1)
             loss = F.cross_entropy(self.network(batch), named[index], label_smoothing=0.05)
