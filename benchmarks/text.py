@@ -18,11 +18,13 @@ import math
 import re
 import statistics
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from d4cad.errors import InputError
 from d4cad.exporters.sheet import write_sheet
 from d4cad.priors.build import outline
 from d4cad.priors.library import shipped
@@ -122,6 +124,23 @@ def normal(coverage: np.ndarray) -> np.ndarray:
     return shown
 
 
+def nearest(coverage: np.ndarray) -> tuple[str, float]:
+    """The silhouette of the library that a shape is most like, and the intersection over union; mirrored or not."""
+    shown = normal(coverage)
+    names, known = silhouettes()
+    shares = np.max(
+        [np.minimum(known, way).sum((1, 2)) / np.maximum(known, way).sum((1, 2)) for way in (shown, shown[:, ::-1])],
+        axis=0,
+    )
+    return names[int(shares.argmax())], round(float(shares.max()), 3)
+
+
+@cache
+def silhouettes() -> tuple[tuple[str, ...], np.ndarray]:
+    """The library, normalised (n, SIDE, SIDE)."""
+    return shipped().names, np.array([normal(picture.astype(float)) for picture in shipped().pictures])
+
+
 class Recogniser:
     """A convolutional network that names silhouettes."""
 
@@ -183,10 +202,9 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=1500, help="of the recogniser's training")
     parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
-    names = shipped().names
     judge, classes = None, []
     if asked.icons is not None:
-        wanted = list(dict.fromkeys([*(found(word, names) for word in asked.words), *TRAINED.split()]))
+        wanted = list(dict.fromkeys([*map(class_of, asked.words), *TRAINED.split()]))
         pictures, labels = icons(asked.icons, wanted)
         counts = np.bincount(labels, minlength=len(wanted))
         kept = [n for n in range(len(wanted)) if counts[n] >= 2 or (counts[n] and n < len(asked.words))]
@@ -201,17 +219,26 @@ def main() -> None:
         report(asked, grammar, judge, classes)
 
 
+def class_of(word: str) -> str:
+    """The silhouette that a prompt means, or the prompt itself: a trained prior takes several words at once."""
+    try:
+        return found(word, shipped().names)
+    except InputError:
+        return word
+
+
 def report(asked: Any, grammar: str, judge: Recogniser | None, classes: Sequence[str]) -> None:
     """Make the parts of a grammar and print what became of them."""
     first, best, numbers, seconds = [], [], [], []
     sheet: list[Candidate] = []
-    rows = []
+    rows: list[dict[str, Any]] = []
     for word in asked.words:
         made = fit_text(word, grammar=grammar, prior=asked.prior, candidates=asked.candidates)
         seconds += [one.fit.seconds for one in made]
         numbers.append(made[0].fit.primitives)
-        name, shown = found(word, shipped().names), made[0]
-        row = {"word": word, "primitives": numbers[-1], "score": made[0].score, "seed": made[0].seed}
+        name, shown = class_of(word), made[0]
+        row: dict[str, Any] = {"word": word, "primitives": numbers[-1], "score": made[0].score, "seed": made[0].seed}
+        row["nearest"] = nearest(made[0].fit.coverage)
         if judge is not None and name in classes:
             ranks = judge.ranks([normal(one.fit.coverage) for one in made], classes.index(name))
             first.append(ranks[0])
@@ -223,7 +250,10 @@ def report(asked: Any, grammar: str, judge: Recogniser | None, classes: Sequence
         sheet.append(shown)
     print(f"{asked.prior}, {grammar}: {len(asked.words)} prompts, at most {max(numbers)} primitives, median "
           f"{statistics.median(numbers):g}; median {statistics.median(seconds):.1f} CPU s a candidate")  # fmt: skip
-    if judge is not None:
+    alike = [row["nearest"][1] for row in rows]
+    print(f"  intersection over union with the nearest of all silhouettes: median {statistics.median(alike):.2f}, "
+          f"{min(alike):.2f} to {max(alike):.2f}")  # fmt: skip
+    if judge is not None and first:
         print(f"  first by the prior's ranking: {shares(first)}")
         print(f"  best of {asked.candidates}: {shares(best)}")
     if asked.out is not None:
