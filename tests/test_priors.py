@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,11 @@ from d4cad.priors.finite import FiniteDenoiser
 from d4cad.priors.library import SIDE, Library, packed, shipped, unpacked
 from d4cad.priors.weights import read_weights, write_weights
 from d4cad.priors.words import ALIASES, TRAINED, found
+
+ARRAYS: dict[str, np.ndarray[Any, np.dtype[Any]]] = {
+    "b": np.arange(6.0).reshape(2, 3).astype(np.float16),
+    "a": np.array([1.5], np.float32),
+}
 
 
 def test_noise_is_what_sampling_gives() -> None:
@@ -138,10 +144,7 @@ def test_priors_by_name() -> None:
 
 
 def test_weights_come_back(tmp_path: Path) -> None:
-    arrays: dict[str, np.ndarray] = {
-        "b": np.arange(6.0).reshape(2, 3).astype(np.float16),
-        "a": np.array([1.5], np.float32),
-    }
+    arrays = ARRAYS
     write_weights(tmp_path / "w.safetensors", arrays, {"words": "x y"})
     back, facts = read_weights(tmp_path / "w.safetensors")
     assert facts == {"words": "x y"}
@@ -153,10 +156,7 @@ def test_weights_come_back(tmp_path: Path) -> None:
 
 def test_weights_are_what_others_call_safetensors(tmp_path: Path) -> None:
     numpy = pytest.importorskip("safetensors.numpy", reason='needs the extra "sds"')
-    arrays: dict[str, np.ndarray] = {
-        "b": np.arange(6.0).reshape(2, 3).astype(np.float16),
-        "a": np.array([1.5], np.float32),
-    }
+    arrays = ARRAYS
     write_weights(tmp_path / "w.safetensors", arrays, {})
     read = numpy.load_file(tmp_path / "w.safetensors")
     assert all(np.array_equal(read[name], arrays[name]) for name in arrays)
