@@ -42,7 +42,7 @@ def write_sheet(path: str | Path, sketches: Sequence[Sketch], captions: Sequence
         x, y = (xmin + xmax) / 2, (ymin + ymax) / 2
         ax.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
         ax.axis("off")
-        loops = [np.concatenate(loop.traces(half / 200)) for loop in sketch.loops]
+        loops = [np.concatenate(loop.traces(half / 2000)) for loop in sketch.loops]
         outline = Outline.make_compound_path(*(Outline(loop, closed=False) for loop in loops))
         ax.add_patch(PathPatch(outline, facecolor=INK, linewidth=0))
         figure.text(
