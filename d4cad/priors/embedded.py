@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from math import cos, sin
 
 import numpy as np
 
@@ -15,10 +14,8 @@ from d4cad.program import Floats
 SIZE = 64
 """Pixels along the pictures of the embedded prior."""
 
-POSES = tuple(
-    (size, turn, mirror) for size in (0.8, 0.9, 1.0) for turn in (-0.12, 0.0, 0.12) for mirror in (False, True)
-)
-"""Sizes, turns in radians, and whether mirrored."""
+POSES = tuple((across, up, mirror) for across in (0.8, 0.9, 1.0) for up in (0.8, 0.9, 1.0) for mirror in (False, True))
+"""Sizes in x and in y, and whether mirrored. None is turned: parts stand upright."""
 
 OTHERS = 96
 """Silhouettes that stand for any picture."""
@@ -60,7 +57,7 @@ def any_pictures(library: Library, name: str, size: int) -> Floats:
     """Pictures (m, size^2) of anything, that name among them: evenly spread through the library."""
     step = max(1, len(library.names) // OTHERS)
     names = [*library.names[::step], name]
-    return posed(library, names, ((1.0, 0.0, False),), size)
+    return posed(library, names, ((1.0, 1.0, False),), size)
 
 
 def posed(library: Library, names: Iterable[str], poses: Iterable[tuple[float, float, bool]], size: int) -> Floats:
@@ -70,15 +67,13 @@ def posed(library: Library, names: Iterable[str], poses: Iterable[tuple[float, f
     return np.array(shown) * 2 - 1
 
 
-def drawn(picture: Floats, scale: float, turn: float, mirror: bool, size: int) -> Floats:
+def drawn(picture: Floats, across: float, up: float, mirror: bool, size: int) -> Floats:
     """A silhouette (n, n), row 0 lowest, in a pose: coverage (size^2,)."""
     from scipy.ndimage import affine_transform, gaussian_filter
 
     n = len(picture)
-    step = n / size
-    across = -1.0 if mirror else 1.0
     # from (row, column) of the result to those of the silhouette, both about their centres
-    matrix = np.array([[cos(turn), -sin(turn)], [sin(turn) * across, cos(turn) * across]]) * (step / scale)
-    centre = (n - 1) / 2 - matrix @ np.full(2, (size - 1) / 2)
-    smooth = gaussian_filter(picture, step / scale / 3, mode="constant")
-    return np.asarray(affine_transform(smooth, matrix, centre, (size, size), order=1)).ravel()
+    steps = np.array([1 / up, -1 / across if mirror else 1 / across]) * n / size
+    centre = (n - 1) / 2 - steps * (size - 1) / 2
+    smooth = gaussian_filter(picture, np.abs(steps) / 3, mode="constant")
+    return np.asarray(affine_transform(smooth, steps, centre, (size, size), order=1)).ravel()
