@@ -11,18 +11,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+from d4cad.beams.density import Schedule, optimised_density
 from d4cad.beams.design import Beam, design_beam
 from d4cad.beams.library import L_BRACKET, PROBLEMS, find_problem
 from d4cad.beams.outline import filleted
 from d4cad.beams.paper import SETUPS, paper_beam
-from d4cad.beams.problem import Place, Problem
+from d4cad.beams.problem import Load, Place, Problem
 from d4cad.beams.report import carried, report
 from d4cad.beams.saving import save
+from d4cad.descent import Stop
 from d4cad.errors import InputError
 from d4cad.exporters import occ
 from d4cad.grammars.arc_line import ArcLine
 from d4cad.grammars.arc_line.structure import Structure
 from d4cad.objectives.compliance import ComplianceLoss
+from d4cad.objectives.domain import Domain
 from d4cad.program import Program
 from d4cad.sketch import Circle, Loop, Sketch
 
@@ -98,6 +101,47 @@ def test_the_whole_domain_is_a_start_too() -> None:
     found = design_beam(problem, init="axiom")
     assert len(found.outline.faces) == 1
     assert carried(found).compliance < 1.3 * KNOWN["cantilever"]
+
+
+@pytest.mark.parametrize("how", [{"simplify": 0.05}, {"init": "axiom"}], ids=["several-starts", "warm-up"])
+def test_one_ctrl_c_ends_all_descents(how: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    inner, asked = ComplianceLoss.demand, []
+
+    def interrupted(self: ComplianceLoss, band: Any) -> Any:
+        asked.append(band)
+        if len(asked) == 1:
+            raise KeyboardInterrupt
+        return inner(self, band)
+
+    monkeypatch.setattr(ComplianceLoss, "demand", interrupted)
+    found = design_beam(replace(find_problem("cantilever"), element=2.0), **how)
+    assert found.stop is Stop.INTERRUPTED
+    assert len(asked) == 1
+    assert found.outline.area > 0
+
+
+def test_ctrl_c_between_descents_keeps_the_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    radii = []
+
+    def density(domain: Domain, schedule: Schedule) -> Any:
+        radii.append(schedule.radius)
+        if len(radii) > 1:
+            raise KeyboardInterrupt
+        return optimised_density(domain, schedule)
+
+    monkeypatch.setattr("d4cad.beams.design.optimised_density", density)
+    found = design_beam(replace(find_problem("cantilever"), element=3.0), simplify=0.05)
+    assert found.stop is Stop.INTERRUPTED
+    assert len(radii) == 2
+    carried(found)
+
+
+@pytest.mark.parametrize("volume", [0.995, 0.99999])
+def test_almost_the_whole_domain_is_a_volume_too(volume: float) -> None:
+    load = Load(Place((12, 3), (12, 5)), (0, -1000))
+    problem = replace(find_problem("cantilever"), size=(12, 8), volume=volume, loads=(load,))
+    found = design_beam(problem)
+    assert found.outline.area == pytest.approx(volume * 96, rel=6e-3)
 
 
 def test_same_seed_same_part() -> None:

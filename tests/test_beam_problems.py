@@ -139,7 +139,7 @@ def test_a_hole_breaks_the_mirror() -> None:
     st.floats(1, 1e6),
     st.floats(-0.9, 0.49),
     st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(0.1, 9)), max_size=3),
-    st.text("ab \"\\'é\n", max_size=6),
+    st.text("ab \"\\'é\n\x7f😀", max_size=6),
 )
 def test_written_problems_read_back(
     volume: float, young: float, poisson: float, circles: list[tuple[float, float, float]], name: str

@@ -108,7 +108,7 @@ def design_beam(
         outline=search.outline(program, fillet),
         compliance=search.loss.response(density).compliance,
         history=tuple(search.history),
-        stop=found.stop,
+        stop=Stop.INTERRUPTED if search.interrupted else found.stop,
         seconds=time.process_time() - cpu,
     )
 
@@ -131,7 +131,7 @@ def _check(
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """The working parts of :func:`design_beam`. history: of all descents, one after another."""
+    """The working parts of :func:`design_beam`. history: of all descents, one after another. stops: why each ended."""
 
     problem: Problem
     domain: Domain
@@ -141,6 +141,7 @@ class _Search:
     deadline: float
     watch: Watch | None
     history: list[Record]
+    stops: list[Stop]
 
     @classmethod
     def of(cls, problem: Problem, grammar: str, seed: int, max_time: float | None, watch: Watch | None) -> _Search:
@@ -149,7 +150,7 @@ class _Search:
         loss = ComplianceLoss.of(domain, problem.domain(0.5) if halves else None)
         deadline = inf if max_time is None else time.perf_counter() + max_time
         language = beam_grammar(grammar, domain)
-        return cls(problem, domain, loss, language, np.random.default_rng(seed), deadline, watch, [])
+        return cls(problem, domain, loss, language, np.random.default_rng(seed), deadline, watch, [], [])
 
     def with_volume(self, volume: float) -> _Search:
         """The same with another volume, in elements."""
@@ -164,18 +165,26 @@ class _Search:
         if simplify is None:
             return found[0]
         allowed = found[0].loss * (1 + simplify)
-        for radius in RADII[1:] if init == "density" else ():
-            if self.has_time:
-                start = self.density_start(radius)
-                if self.loss.value(self.raster(start)) < APART * found[0].loss:
-                    found.append(self.improved(start, PRICE))
+        try:
+            for radius in RADII[1:] if init == "density" else ():
+                if self.has_time:
+                    start = self.density_start(radius)
+                    if self.loss.value(self.raster(start)) < APART * found[0].loss:
+                        found.append(self.improved(start, PRICE))
+        except KeyboardInterrupt:  # in a density: what was found before is kept
+            self.stops.append(Stop.INTERRUPTED)
         simple = [self.simplified(descent, allowed) for descent in found if descent.loss <= allowed]
         return min(simple, key=lambda descent: (self.grammar.complexity(descent.program), descent.loss))
 
     @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C ended a descent: all that follow it end at once."""
+        return Stop.INTERRUPTED in self.stops
+
+    @property
     def has_time(self) -> bool:
         """Whether there is time left for another start."""
-        return time.perf_counter() < self.deadline
+        return not self.interrupted and time.perf_counter() < self.deadline
 
     def raster(self, program: Program[Any]) -> Band:
         """The program on the domain's canvas."""
@@ -240,8 +249,10 @@ class _Search:
             if self.watch is not None:
                 self.watch(self.history[-1])
 
-        left = max(self.deadline - time.perf_counter(), 0.0)
-        return descend(program, self.grammar, self.loss, canvas, method, self.rng, note, left)
+        left = max(self.deadline - time.perf_counter(), 0.0) if self.has_time else 0.0
+        found = descend(program, self.grammar, self.loss, canvas, method, self.rng, note, left)
+        self.stops.append(found.stop)
+        return found
 
 
 def _after(before: Record | None, record: Record) -> Record:

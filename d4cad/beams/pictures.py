@@ -150,7 +150,7 @@ def _support(ax: Any, support: Support) -> None:
 
 
 def _load(ax: Any, load: Load, reach: float, greatest: float) -> None:
-    """An arrow that ends where it would push into material, or starts there and pulls; longer for a larger force."""
+    """An arrow along the force from the middle of its place; longer for a larger force."""
     size = float(np.hypot(*load.force))
     if size == 0:
         return

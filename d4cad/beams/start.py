@@ -70,7 +70,8 @@ def density_contour(domain: Domain, density: Floats) -> list[Floats]:
     from contourpy import contour_generator
     from scipy.ndimage import distance_transform_edt
 
-    level = np.sort(density[domain.inside])[::-1][round(domain.volume)]
+    falling = np.sort(density[domain.inside])[::-1]
+    level = falling[min(round(domain.volume), falling.size - 1)]
     nearest = distance_transform_edt(~domain.inside, return_distances=False, return_indices=True)
     height, width = domain.drawn
     around = np.pad(density[tuple(nearest)], domain.margin, mode="edge")

@@ -13,7 +13,7 @@ def toml_of(problem: Problem) -> str:
     """A TOML text that reads back as the same problem. Raises InputError for a place that TOML has no words for."""
     material = problem.material
     lines = [
-        f"name = {json.dumps(problem.name)}",
+        f"name = {_text(problem.name)}",
         f"volume = {_number(problem.volume)}",
         f"thickness = {_number(problem.thickness)}",
         "",
@@ -32,7 +32,7 @@ def toml_of(problem: Problem) -> str:
     for load in problem.loads:
         lines += ["", "[[load]]", *_place(load.place), f"force = {_numbers(load.force)}"]
         if load.case:
-            lines.append(f"case = {json.dumps(load.case)}")
+            lines.append(f"case = {_text(load.case)}")
     for kind, places in (("cut", problem.cuts), ("void", problem.voids), ("solid", problem.solids)):
         for place in places:
             lines += ["", f"[[{kind}]]", *_place(place)]
@@ -49,6 +49,11 @@ def _place(place: Place) -> list[str]:
     if place.radius:
         raise InputError(f"{place} with a radius of {place.radius:g} mm cannot be written")
     return [f"from = {_numbers(place.start)}", f"to = {_numbers(place.end)}"]
+
+
+def _text(text: str) -> str:
+    """A basic string: escaped as in JSON, but no character as a pair of surrogates, and DEL too."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _numbers(values: Iterable[float]) -> str:
