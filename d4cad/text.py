@@ -127,6 +127,8 @@ def fit_text(
 
 def _check(grammar: str, steps: int, seed: int, candidates: int, max_time: float | None) -> None:
     entry(grammar)
+    if grammar not in HABITS:
+        raise InputError(f"parts from words are searched in one of {', '.join(HABITS)}, got {grammar!r}")
     for name, value, least in (("steps", steps, 1), ("seed", seed, 0), ("candidates", candidates, 1)):
         if value < least:
             raise InputError(f"the {name} must be {least} or more, got {value}")

@@ -23,6 +23,7 @@ from d4cad.sketch import Sketch
 from d4cad.text import HABITS, fit_text
 
 SIZE = 32
+SCRIPT = Path(__file__).parents[1] / "examples" / "superellipse_grammar.py"
 
 
 def disc(x: float, y: float, radius: float) -> Floats:
@@ -187,6 +188,10 @@ def test_the_command_writes_a_part_and_pictures(tmp_path: Path) -> None:
         (["star", "--weighting", "q"], "there is no weighting 'q'"),
         (["star", "--negative", "xyzzyq"], "does not know 'xyzzyq'"),
         (["star", "--grammar", "q"], "there is no grammar 'q'"),
+        (
+            ["star", "--grammar", f"{SCRIPT}:ENTRY"],
+            "parts from words are searched in one of arc-line, union-rect, tree",
+        ),
         (["star", "--init", "missing.json"], "missing.json"),
         (["star", "-o", "star.xyz"], "known extensions are"),
         (["star", "--sheet", "star.pdf"], "star.pdf"),
