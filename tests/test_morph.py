@@ -106,6 +106,15 @@ def test_pictures_that_cannot_be_morphed(letters: list[Path], tmp_path: Path) ->
     assert "is a file" in done.output
 
 
+def test_a_folder_that_cannot_be_made_is_told_before_the_first_fit(
+    letters: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("d4cad.morphing.load", lambda *_, **__: pytest.fail("a picture was read"))
+    done = CliRunner().invoke(app, ["morph", *map(str, letters), "-o", str(letters[0] / "deep" / "new")])
+    assert done.exit_code == 2
+    assert "cannot write" in done.output
+
+
 def test_all_get_the_margin_that_one_needs(letters: list[Path], tmp_path: Path) -> None:
     edge = drawn(tmp_path / "edge.png", (0, 0, 24, 48))
     fits = list(morph([letters[0], edge]))

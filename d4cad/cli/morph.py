@@ -93,10 +93,15 @@ def morph(
 
 
 def _check_folder(out: Path, *, force: bool) -> None:
+    """Refuses, before anything is computed, a folder that cannot be written to; leaves nothing behind."""
+    from d4cad.files import check_writable
+
     if out.exists() and not out.is_dir():
         raise D4cadError(f"expected a folder to write to, but {out} is a file")
     if not force and out.is_dir() and any(out.iterdir()):
         raise D4cadError(f"the folder {out} is not empty: name another one, or add --force")
+    there = next(folder for folder in (out, *out.absolute().parents) if folder.exists())
+    check_writable(there / "morph.gif")
 
 
 def _facts(fit: Fit) -> dict[str, Any]:
