@@ -157,6 +157,14 @@ def test_annealing_fits_a_tree(variant: str) -> None:
     assert np.array_equal(again.program.params, found.program.params)
 
 
+def test_a_run_without_an_end_is_refused() -> None:
+    canvas = Canvas.square(16)
+    grammar: Any = make_grammar("tree", "paper", canvas)
+    for how in ({}, {"seconds": 0.0}):
+        with pytest.raises(InputError, match="a run needs a number of steps or of seconds above 0"):
+            anneal(np.zeros((16, 16)), canvas, grammar, np.random.default_rng(0), **how)
+
+
 def test_what_is_derived_is_a_tree_within_its_limits() -> None:
     canvas = Canvas.square(48)
     for variant, columns in (("Tr-1", 2), ("Tr-F", 3)):

@@ -12,6 +12,7 @@ import numpy as np
 from d4cad.baselines.rjmcmc import Annealing, BranchingSystem, Derivation, Moves, State, step
 from d4cad.canvas import Canvas
 from d4cad.descent import Record
+from d4cad.errors import InputError
 from d4cad.grammars.tree import Structure, Tree
 from d4cad.grammars.tree.structure import program_of, table_of
 from d4cad.objectives.image import ImageLoss
@@ -72,8 +73,10 @@ def anneal(
 
     The energy is the summed squared error in pixels, and ``annealing`` counts in that. There is no price of a node:
     the system's own density is the prior, as in the paper (SPEC 8). The start and every improvement of the best are
-    records.
+    records. Raises InputError where neither steps nor seconds end the run.
     """
+    if not seconds > 0 or (steps is None and seconds == inf):
+        raise InputError(f"a run needs a number of steps or of seconds above 0, got {steps} and {seconds:g}")
     axiom = grammar.axiom(canvas)
     loss = ImageLoss.of(target)
     system = branching_system(axiom)
