@@ -310,7 +310,7 @@ def test_version_and_help() -> None:
 
 
 def test_the_installed_command_has_no_traceback(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "d4cad.cli", "fit", "nothing.png"]
+    command = [sys.executable, "-m", "d4cad", "fit", "nothing.png"]
     found = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
     assert found.returncode == 2
     assert found.stdout == ""
@@ -336,11 +336,11 @@ def test_ctrl_c_keeps_the_best_part(plate: str) -> None:
     )
     os.close(here)
     shown = b""
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 600
     while b"step " not in shown and time.monotonic() < deadline:
         shown += os.read(there, 1024)
     run.send_signal(signal.SIGINT)
-    out, _ = run.communicate(timeout=60)
+    out, _ = run.communicate(timeout=300)
     os.close(there)
     assert b"primitives" in shown
     assert run.returncode == 130

@@ -1,0 +1,5 @@
+"""`python -m d4cad`."""
+
+from d4cad.cli import main
+
+main()
