@@ -202,10 +202,10 @@ def _linked(net: Network, pieces: Pieces, halves: tuple[Ints, Floats, Floats], t
 def _loop(net: Network, parts: list[Part]) -> Loop | None:
     """The loop of these parts with as few edges as the cuts allow, or None if it encloses nothing."""
     n = len(parts)
-    first = next((k for k in range(n) if not _continues(net, parts[k - 1], parts[k])), 0)
+    first = next((k for k in range(n) if not _continues(parts[k - 1], parts[k])), 0)
     fewer: list[Part] = []
     for part in parts[first:] + parts[:first]:
-        if fewer and _continues(net, fewer[-1], part):
+        if fewer and _continues(fewer[-1], part):
             last = fewer[-1]
             share = part.until - last.since
             whole = float(net.edges.b[part.edge])
@@ -222,7 +222,7 @@ def _loop(net: Network, parts: list[Part]) -> Loop | None:
     return loop if abs(loop.area) > net.touch * loop.length else None
 
 
-def _continues(net: Network, a: Part, c: Part) -> bool:
+def _continues(a: Part, c: Part) -> bool:
     """Whether c goes on where a ends on the same edge."""
     return not c.fixed and a.edge == c.edge and a.until == c.since and (a.until - a.since) * (c.until - c.since) > 0
 

@@ -34,7 +34,7 @@ def pattern_candidates(layout: Parameters, at: Measures, pixel: float) -> list[C
     ]
 
 
-def _points(layout: Parameters, at: Measures) -> Complexes:
+def _points(at: Measures) -> Complexes:
     return np.asarray(at.x.value + 1j * at.y.value)
 
 
@@ -45,7 +45,7 @@ def _loops(layout: Parameters) -> list[tuple[int, int, bool]]:
 
 def _symmetric(layout: Parameters, at: Measures, reach: float) -> Iterator[Candidate]:
     """Mirror axes: of everything, else of what shares one; and the axes of each loop by itself."""
-    z = _points(layout, at)
+    z = _points(at)
     axes: list[tuple[complex, float, float | None]] = []
     own: list[tuple[float | None, list[tuple[int, int]]]] = []
     for start, size, ring in _loops(layout):
@@ -219,7 +219,7 @@ def _ring_classes(layout: Parameters, at: Measures, reach: float) -> list[np.nda
 def _bolt_circles(layout: Parameters, at: Measures, reach: float) -> Iterator[Candidate]:
     """Circles of one radius at the corners of a regular polygon."""
     for part in _ring_classes(layout, at, reach):
-        z = _points(layout, at)[part]
+        z = _points(at)[part]
         found: dict[frozenset[int], list[int]] = {}
         for i in range(len(z)):
             for j in range(len(z)):
@@ -244,7 +244,7 @@ def _bolt_circles(layout: Parameters, at: Measures, reach: float) -> Iterator[Ca
 def _rows(layout: Parameters, at: Measures, reach: float) -> Iterator[Candidate]:
     """Circles of one radius, three or more, evenly along a line."""
     for part in _ring_classes(layout, at, reach):
-        z = _points(layout, at)[part]
+        z = _points(at)[part]
         found: dict[frozenset[int], list[int]] = {}
         for i in range(len(z)):
             for j in range(len(z)):

@@ -89,11 +89,6 @@ class Nodes:
         return Edit(program, origin.ravel()[2:].astype(np.int64))
 
 
-def add_leaf(nodes: Nodes, parent: int, shoot: Shoot) -> bool:
-    """A new childless node on one that has fewer than two children."""
-    return add_chain(nodes, parent, [shoot])
-
-
 def add_chain(nodes: Nodes, parent: int, shoots: list[Shoot]) -> bool:
     """New nodes one after another, the first on a node that has fewer than two children (SPEC 5.4)."""
     if not nodes.alive[parent] or len(nodes.children[parent]) >= MOST_CHILDREN:
