@@ -160,7 +160,8 @@ def test_annealing_fits_a_tree(variant: str) -> None:
 def test_a_run_without_an_end_is_refused() -> None:
     canvas = Canvas.square(16)
     grammar: Any = make_grammar("tree", "paper", canvas)
-    for how in ({}, {"seconds": 0.0}):
+    endless: tuple[dict[str, Any], ...] = ({}, {"seconds": 0.0})
+    for how in endless:
         with pytest.raises(InputError, match="a run needs a number of steps or of seconds above 0"):
             anneal(np.zeros((16, 16)), canvas, grammar, np.random.default_rng(0), **how)
 
