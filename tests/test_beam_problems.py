@@ -157,6 +157,11 @@ def test_the_library_can_be_written_and_is_supported(problem: Problem) -> None:
     require_supported(problem)
 
 
+def test_deep_nesting_is_refused() -> None:
+    with pytest.raises(InputError, match="it is nested too deeply"):
+        parse_problem(f"name = {'[' * 20_000}{']' * 20_000}")
+
+
 BAD = [
     ("young = 70e3", "young = -5", "line 10: Young's modulus must be a positive number of MPa, got -5"),
     ("poisson = 0.33", "poisson = 0.5", "line 11: Poisson's ratio must lie between -1 and 0.5, got 0.5"),

@@ -58,6 +58,8 @@ def parse_problem(text: str, name: str = "beam", volume: float | None = None) ->
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"it is not TOML: {error}") from None
+    except RecursionError:
+        raise InputError("it is nested too deeply") from None
     return _Reader(text).problem(document, name, volume)
 
 
