@@ -162,6 +162,18 @@ def test_weights_are_what_others_call_safetensors(tmp_path: Path) -> None:
     assert all(np.array_equal(read[name], arrays[name]) for name in arrays)
 
 
+def test_deeply_nested_weights_are_refused(tmp_path: Path) -> None:
+    head = b'{"a":' + b"[" * 100_000 + b"]" * 100_000 + b"}"
+    (tmp_path / "deep.safetensors").write_bytes(len(head).to_bytes(8, "little") + head)
+    with pytest.raises(InputError, match="not a whole safetensors file"):
+        read_weights(tmp_path / "deep.safetensors")
+
+
+def test_a_blank_negative_prompt_is_none() -> None:
+    blank, none = embedded("star", " "), embedded("star")
+    assert np.array_equal(blank.sets[" "], none.sets[""])
+
+
 def test_damaged_weights_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "w.safetensors"
     with pytest.raises(InputError, match="cannot read the weights"):

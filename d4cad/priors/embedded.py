@@ -50,6 +50,7 @@ def embedded(prompt: str, negative: str = "", variant: int = 0, size: int = SIZE
     sets[""] = any_pictures(library, chosen, size)
     if negative.strip():
         sets[negative] = posed(library, [found(negative, library.names, tags)], POSES, size)
+    sets.setdefault(negative, sets[""])  # blanks are no words
     return FiniteDenoiser(size, sets)
 
 

@@ -57,6 +57,6 @@ def read_weights(path: str | Path) -> tuple[Arrays, dict[str, str]]:
             if not 0 <= first <= last <= len(body):
                 raise ValueError(f"{name} lies outside the file")
             arrays[name] = np.frombuffer(body[first:last], kind).reshape(entry["shape"])
-    except (struct.error, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (struct.error, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(f"{path} is not a whole safetensors file: {error}") from None
     return arrays, facts
