@@ -12,7 +12,6 @@ import argparse
 import json
 import time
 from dataclasses import replace
-from math import inf
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -24,6 +23,7 @@ from d4cad.bench import RESOLUTION, Case, coverage, shapes, true_outline
 from d4cad.canvas import Canvas
 from d4cad.descent import Record, descend
 from d4cad.edgemodel import exact
+from d4cad.fit import decibels
 from d4cad.fitting import warm
 from d4cad.objectives.image import ImageLoss
 from d4cad.registry import make_grammar
@@ -53,7 +53,9 @@ def solved(method: str, case: Case, seed: int, seconds: float) -> list[tuple[flo
         grammar.axiom(canvas), grammar, ImageLoss.of(target), canvas, replace(settings, stages=(stage,)), rng,
         lambda record, program: records.append(record), seconds,
     )  # fmt: skip
-    found, best = [], -inf
+    start = grammar.axiom(canvas)
+    best = decibels(ImageLoss.of(target).value(grammar.rasterize(start, canvas)))
+    found = [(0.0, best, grammar.primitives(start))]
     for record in records:
         if record.psnr > best:
             best = record.psnr

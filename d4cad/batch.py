@@ -6,6 +6,7 @@ import csv
 import glob
 import hashlib
 import json
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -141,7 +142,7 @@ def run(
     written = time.monotonic()
     try:
         work = Parallel(n_jobs=jobs, prefer="processes", return_as="generator_unordered", pre_dispatch="2*n_jobs")
-        for path, row in work(delayed(solve)(batch, path) for path in rest):
+        for path, row in work(delayed(_solve_in)(Path.cwd(), batch, path) for path in rest):
             if row.status == INTERRUPTED:
                 raise KeyboardInterrupt
             rows[path] = row
@@ -156,6 +157,12 @@ def run(
     found = [rows[path] for path in files]
     _write(batch, found)
     return found
+
+
+def _solve_in(folder: Path, batch: Batch, path: Path) -> tuple[Path, Row]:
+    """As :func:`solve`, in a worker that may have begun in another folder than the one that the paths start from."""
+    os.chdir(folder)
+    return solve(batch, path)
 
 
 def solve(batch: Batch, path: Path) -> tuple[Path, Row]:

@@ -41,7 +41,8 @@ class Stage:
     so many rounds of steps and rewrites. patience: rounds without a relative gain of ``tolerance`` before the stage
     ends. without: names of rules that are not used in it. growth: by so much the primitives may become more since the
     last stage without such a limit; a search that needs more goes back to where that ended, past all stages with a
-    limit.
+    limit. More that would have paid at half of that stage's price does not count. fallback: whether the stage is for a
+    search that went back only.
     """
 
     ramp: float
@@ -51,6 +52,7 @@ class Stage:
     tolerance: float = 0.0
     without: frozenset[str] = frozenset()
     growth: float = inf
+    fallback: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,9 +134,9 @@ def descend(
     # on more threads small matrices are slower, and round as their number has it
     with postponed() as search.interrupts, threadpool_limits(limits=1):
         try:
-            free, exceeded = here, False
+            free, allowance, exceeded = here, method.stages[0].price, False
             for stage in method.stages:
-                if stage.growth < inf and exceeded:
+                if stage.fallback is not exceeded and (stage.fallback or stage.growth < inf):
                     continue
                 search.enter(stage)
                 best, quiet, stop = replace(here, total=inf), 0, Stop.ROUNDS
@@ -151,12 +153,14 @@ def descend(
                     if quiet > stage.patience:
                         stop = Stop.PATIENCE if stage.patience else Stop.STALLED
                         break
+                    if stage.growth < inf and search.pays(here, free, allowance / 2):
+                        free = here  # found late: a local estimate may show half of a gain
                     exceeded = grammar.primitives(here.program) > 1.1 * grammar.primitives(free.program) + stage.growth
                     if exceeded:
                         here = best = search.priced(free)
                         break
                 if stage.growth == inf:
-                    free = here
+                    free, allowance = here, stage.price
         except KeyboardInterrupt:
             stop = Stop.INTERRUPTED
         except OutOfTime:
@@ -206,6 +210,11 @@ class Search(Generic[S]):
         """Take on a stage's edge model and price."""
         self.stage = stage
         self.canvas = self.canvas.with_ramp(stage.ramp)
+
+    def pays(self, point: Point[S], other: Point[S], price: float) -> bool:
+        """Whether a point is better than another one at a given price."""
+        more = self.grammar.complexity(point.program) - self.grammar.complexity(other.program)
+        return point.loss + price * more < other.loss
 
     def priced(self, point: Point[S]) -> Point[S]:
         """A point of another stage, at this one's price."""

@@ -27,9 +27,9 @@ AREA_PRICE = 0.03
 """Least gain of a primitive in summed squared error where area coverage is fitted by that ramp."""
 BLUR_PRICE = 0.25
 """The same for each square pixel of a blurred ramp's half-width: a blur also rounds the corners, over such an area."""
-BINARY_PRICE = 0.6
+BINARY_PRICE = 1.0
 """The same where the picture has no grey: a staircase is off by 1/12 a boundary pixel, for many pixels in a row."""
-SLACK = 0.01
+SLACK = 0.03
 """Weight of the errors within the bounds that such a picture sets: enough to decide between shapes that keep to
 them."""
 STAIRCASE = 1 / sqrt(12)

@@ -116,7 +116,10 @@ def fit_picture(
     if not entry(grammar).area:
         model = model.ramped()
     notes = [*picture.notes]
-    if max_time is None and is_restless(target):
+    restless = is_restless(target)
+    if restless and init is None:  # noise has thousands of contours, which would take gigabytes to fit
+        init = "axiom"
+    if max_time is None and restless:
         max_time = PATIENCE
         notes.append(f"the picture looks like noise: the search has {max_time:g} s unless a time limit is given")
     fitted: Callable[..., Fit] = fit_coverage

@@ -25,7 +25,10 @@ VISIBLE = 0.1
 has."""
 OPEN = 2e-9
 """Price of a primitive for each pixel of the canvas under which a raster is exact to rounding in double precision."""
-GROWTH = 4
+APPROXIMATED = 0.5
+"""Gain in summed squared error that a primitive must have where lines and arcs can only come near to the shape: a tenth
+of a pixel along fifty pixels."""
+GROWTH = 2
 """So many primitives, and a tenth of all, may be added for gains less than visible: lines and arcs are found with few
 more, other curves would be approximated without end."""
 
@@ -89,7 +92,9 @@ def fast(canvas: Canvas, floor: float = 6.5e-5) -> Method:
     # Which joints are smooth is asked of a shape that is known otherwise, and only where the picture leaves it open.
     last = Stage(canvas.ramp, prices[-1] / canvas.size, rounds=1000)
     if least > floor:
-        sharp += [replace(last, growth=GROWTH), replace(last, without=GROWING)]
+        pruned = replace(last, without=GROWING)
+        approximated = replace(last, price=APPROXIMATED / canvas.size, without=GROWING | JOINTS, fallback=True)
+        sharp += [replace(last, growth=GROWTH), approximated, pruned]
     elif canvas.ramp == AREA or floor > OPEN * canvas.size:
         sharp.append(last)
     return Method((*wide, *sharp), (12, 6, 6), LevenbergMarquardt(), LocalFit(4))

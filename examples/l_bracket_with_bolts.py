@@ -36,11 +36,11 @@ yield = 240
 box = [40, 40, 100, 100]
 
 [[solid]]         # a ring of material around each bolt
-circle = [12, 88, 8]
+circle = [12, 88, 7.5]
 [[solid]]
-circle = [28, 88, 8]
+circle = [28, 88, 7.5]
 [[solid]]
-circle = [90, 30, 8]
+circle = [90, 30, 7.5]
 
 [[void]]          # the holes
 circle = [12, 88, 4]

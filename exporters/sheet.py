@@ -38,11 +38,11 @@ def write_sheet(path: str | Path, sketches: Sequence[Sketch], captions: Sequence
         left, low = number % columns * TILE, size[1] - (number // columns + 1) * (TILE + CAPTION) + CAPTION
         ax = figure.add_axes((left / size[0], low / size[1], TILE / size[0], TILE / size[1]))
         xmin, ymin, xmax, ymax = sketch.bounds
-        half = 0.55 * max(xmax - xmin, ymax - ymin)
+        half = 0.58 * max(xmax - xmin, ymax - ymin)
         x, y = (xmin + xmax) / 2, (ymin + ymax) / 2
         ax.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
         ax.axis("off")
-        loops = [np.concatenate(loop.traces(half / 2000)) for loop in sketch.loops]
+        loops = [np.concatenate(loop.traces(half / 4000)) for loop in sketch.loops]
         outline = Outline.make_compound_path(*(Outline(loop, closed=False) for loop in loops))
         ax.add_patch(PathPatch(outline, facecolor=INK, linewidth=0))
         figure.text(

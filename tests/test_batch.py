@@ -158,6 +158,17 @@ def test_two_processes_give_what_one_gives(folder: Path) -> None:
     assert sorted(told) == [str(path) for path in files]
 
 
+def test_workers_follow_to_another_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes are kept for the next batch, and so is the folder they began in."""
+    for name in ("here", "there"):
+        (folder / name).mkdir()
+        draw(folder / name / "p0.png", 20)
+        monkeypatch.chdir(folder / name)
+        (row,) = run(Batch(Path("parts")), pictures(["p0.png"]), jobs=2)
+        assert (row.status, row.error) == ("done", "")
+        assert (folder / name / "parts" / "p0.json").exists()
+
+
 def test_a_dask_cluster_is_a_backend(folder: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="needs dask[distributed]")
     from joblib import parallel_config

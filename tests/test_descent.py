@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 from d4cad.bench import coverage
-from d4cad.canvas import Canvas
+from d4cad.canvas import AREA, Canvas
 from d4cad.descent import Descent, Method, Point, Record, Search, Stage, Stop, compatible, descend, sampled
 from d4cad.estimators import LocalFit, Stepped
+from d4cad.fitting import fit_coverage
 from d4cad.grammars.arc_line import ArcLine, Structure
 from d4cad.interrupts import postponed
 from d4cad.methods import fast
@@ -201,9 +202,10 @@ def test_same_seed_same_result_bit_for_bit() -> None:
 DIGEST = """
 import hashlib, numpy as np
 from d4cad.bench import coverage
-from d4cad.canvas import Canvas
+from d4cad.canvas import AREA, Canvas
 from d4cad.descent import descend
 from d4cad.grammars.arc_line import ArcLine
+from d4cad.fitting import fit_coverage
 from d4cad.interrupts import postponed
 from d4cad.methods import fast
 from d4cad.objectives.image import ImageLoss
@@ -251,3 +253,35 @@ def test_generated_shapes_come_back_exactly() -> None:
         found = descend(grammar.axiom(canvas), grammar, loss, canvas, fast(canvas), rng)
         exact += found.loss < 1e-8 and grammar.primitives(found.program) <= sketch.primitives
     assert exact >= 19
+
+
+@pytest.mark.parametrize(("growth", "fell_back"), [(100.0, False), (-100.0, True)])
+def test_a_fallback_is_for_a_search_that_went_back(growth: float, fell_back: bool) -> None:
+    stage = Stage(CANVAS.ramp, price=1e-4, rounds=3)
+    marked = Stage(CANVAS.ramp, price=1.0, rounds=1, fallback=True)
+    limited = Method((stage, replace(stage, growth=growth)), (8,), LevenbergMarquardt(), LocalFit(2))
+    without, with_it = (
+        search(target(), method) for method in (limited, replace(limited, stages=(*limited.stages, marked)))
+    )
+    assert (len(with_it.history) > len(without.history)) == fell_back
+
+
+def test_what_arcs_only_come_near_to_takes_few_of_them() -> None:
+    canvas = Canvas.square(128, AREA)
+    turns = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    ellipse = Sketch.from_loops([Loop.polyline([(1.2 * np.cos(t), 0.7 * np.sin(t)) for t in turns])])
+    fit = fit_coverage(coverage(ellipse, canvas), canvas, init="contour", floor=1e-4)
+    assert fit.outline.primitives <= 10
+    assert fit.psnr > 45
+
+
+def test_late_growth_counts_only_if_it_would_not_have_paid() -> None:
+    here, there = (Point(GRAMMAR.axiom(CANVAS), None, loss) for loss in (0.1, 0.2))
+    found = Search(GRAMMAR, CANVAS, fast(CANVAS), None, inf)
+    assert found.pays(here, there, 1.0)
+    assert not found.pays(there, here, 1.0)
+    edit = GRAMMAR.apply(here.program, [Rewrite("split-lines", frozenset((0, 1)), (0.0, 0.5))])
+    more = GRAMMAR.complexity(edit.program) - GRAMMAR.complexity(here.program)
+    assert more > 0
+    assert found.pays(Point(edit.program, None, 0.1), there, 0.09 / more)
+    assert not found.pays(Point(edit.program, None, 0.1), there, 0.11 / more)

@@ -114,8 +114,13 @@ def things(tmp_path_factory: pytest.TempPathFactory) -> Path:
         app, ["fit", str(folder / "bracket.png"), "--width", "80", "-o", str(folder / "part.json")]
     )
     assert done.exit_code == 0, done.output
-    for name in ("bracket.json", "plate.json"):
-        shutil.copy(folder / "part.json", folder / name)
+    shutil.copy(folder / "part.json", folder / "plate.json")
+    bracket, source = str(folder / "bracket.json"), str(folder / "bracket.py")
+    for command in (
+        ["fit", str(folder / "bracket.png"), "--width", "79.2", "-o", bracket],
+        ["export", bracket, "-o", source, "--dialect", "cadquery"],
+    ):
+        assert CliRunner().invoke(app, command).exit_code == 0
     hole = ["fit", str(pictures / "letter.png"), "--width", "8", "-o", str(folder / "hole.json")]
     assert CliRunner().invoke(app, hole).exit_code == 0
     drawing(folder / "slot.dxf", [(0, 0), (40, 0), (40, 6), (0, 6)])

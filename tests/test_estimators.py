@@ -90,6 +90,9 @@ class Halving:
     def step(self, program: Program[Any], evaluation: Evaluation, state: Rate) -> tuple[Floats, Rate]:
         return program.params - 0.25 * evaluation.gradient, state
 
+    def best(self, params: Floats, value: float, state: Rate) -> tuple[Floats, float]:
+        return params, value
+
 
 def offer(rule: str, value: float) -> Rewrite:
     return Rewrite(rule, frozenset(), (value,))

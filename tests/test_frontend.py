@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from d4cad.bench import coverage
 from d4cad.canvas import Canvas
 from d4cad.cli import app
+from d4cad.descent import Stop
 from d4cad.errors import D4cadError, InputError
 from d4cad.fidelity import left_by
 from d4cad.finishing import Finish, finished
@@ -283,8 +284,9 @@ def test_pure_noise_ends_and_says_so() -> None:
     noise = np.random.default_rng(3).integers(0, 256, (64, 64)).astype(np.uint8)
     assert is_restless(noise / 255.0)
     assert not is_restless(drawn(PLATE))
-    fit = fit_image(noise, max_time=0.5)
-    assert fit.wall < 5
+    fit = fit_image(noise, max_time=0.01)
+    assert fit.stop is Stop.TIME
+    assert fit.settings["init"] == "axiom"  # thousands of contours would be one dense step of gigabytes
     assert any("is it noise" in note for note in fit.settings["notes"])
 
 

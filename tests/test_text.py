@@ -144,7 +144,7 @@ def test_a_contact_sheet_shows_all(tmp_path: Path) -> None:
     for row, column in ((0, 0), (0, 1), (1, 0)):
         top = round(row * picture.shape[0] / 2)
         dark = picture[top : top + tile, column * tile : (column + 1) * tile] < 128
-        assert dark.mean() == pytest.approx(1 / 1.1**2, abs=0.03)
+        assert dark.mean() == pytest.approx(1 / 1.16**2, abs=0.03)
     assert (picture[picture.shape[0] // 2 :, tile:] > 128).all()
 
 

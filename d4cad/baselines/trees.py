@@ -71,7 +71,8 @@ def anneal(
     """Anneal a tree towards a target (height, width), row 0 lowest, for so many steps or seconds.
 
     The energy is the summed squared error in pixels, and ``annealing`` counts in that. There is no price of a node:
-    the system's own density is the prior, as in the paper (SPEC 8). Every improvement of the best is a record.
+    the system's own density is the prior, as in the paper (SPEC 8). The start and every improvement of the best are
+    records.
     """
     axiom = grammar.axiom(canvas)
     loss = ImageLoss.of(target)
@@ -83,7 +84,7 @@ def anneal(
     started = time.perf_counter()
     derivation = system.derive(0, rng)
     here = best = State(derivation, energy(derivation))
-    history: list[Record] = []
+    history = [Record(0, best.energy / canvas.size, best.derivation.size + 1, 0, 0.0)]
     done, share = 0, 0.0
     while share < 1 and (steps is None or done < steps):
         here = step(here, system, energy, annealing.at(share), moves, rng)
