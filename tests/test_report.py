@@ -136,7 +136,7 @@ def test_the_page_is_whole_and_loads_nothing(fit: Fit, tmp_path: Path) -> None:
 
 def test_the_course_of_the_search_can_be_read(fit: Fit, tmp_path: Path) -> None:
     first = next(record for record in fit.history if record.loss < np.inf)
-    steps = [replace(first, step=k, psnr=23.69 + 0.002 * k) for k in range(3)]
+    steps = [replace(first, step=k, loss=10 ** -(2.369 + 0.0002 * k)) for k in range(3)]
     write_page(replace(fit, history=tuple(steps)), tmp_path / "report.html")
     text = (tmp_path / "report.html").read_text()
     assert ">23.692</text>" in text  # the axis names values, not what to add to another
