@@ -19,6 +19,9 @@ from d4cad.summary import census, kinds
 ALARM = 1.25
 """Compliance of the finished part over that of the soft density which the search saw, from which on it is told."""
 
+BROKEN = 1000.0
+"""The same, from which on the part is taken for one in pieces: void is 1e-9 as stiff as material."""
+
 
 def report(beam: Beam, fine: Analysis, *, simp: bool = False, files: Sequence[Path] = ()) -> dict[str, Any]:
     """Facts as JSON values; mm, N, MPa and CPU seconds.
@@ -85,9 +88,17 @@ def _lost(beam: Beam) -> list[Place]:
 
 
 def carried(beam: Beam) -> Analysis:
-    """The part on the fine grid. Raises InputError, naming the load, if the part does not carry it to a support."""
+    """The part on the fine grid. Raises InputError if the part does not carry a load to a support, which it names, or
+    gives way as what is broken does."""
     require_carried(beam.problem, beam.outline)
-    return analysed(beam.problem, beam.outline)
+    fine = analysed(beam.problem, beam.outline)
+    if fine.compliance > BROKEN * beam.compliance:
+        times = f"{fine.compliance / beam.compliance:.2g} times"
+        raise InputError(
+            f"the part that was found does not carry its load: it gives way {times} as far as the "
+            "search saw; more volume or smaller elements leave it whole"
+        )
+    return fine
 
 
 def _simp(beam: Beam, compliance: float) -> dict[str, Any]:
