@@ -157,7 +157,8 @@ def _narrowest(outline: Sketch, limit: float) -> float | None:
 
 def _warnings(narrowest: float | None, shortest: float, mm: float, tolerance: float) -> tuple[str, ...]:
     found = []
-    under = f"under {tolerance:g} px, which the picture can hardly show"
+    why = "which the picture can hardly show" if tolerance <= SMALL else "the tolerance"
+    under = f"under {tolerance:.3g} px, {why}"
     if narrowest is not None and narrowest < tolerance:
         found.append(f"the narrowest wall or gap is {narrowest:.2g} px ({narrowest * mm:.2g} mm), {under}")
     if shortest < tolerance:

@@ -116,8 +116,8 @@ def finished(fit: Fit, finish: Finish, placement: Placement | None = None) -> Fi
     off = left_by(found.coverage, fit.target)
     how = f"the outline moved by at most {moved:.2g} px and" if moved > 1e-6 else "the outline stays as it was and"
     notes.append(
-        f"finished: {fit.primitives} -> {found.primitives} primitives, {how} leaves the picture's edge by at most "
-        f"{off:.2g} px"
+        f"finished: {fit.primitives} -> {found.primitives} primitives, {how}, drawn alike, leaves the "
+        f"picture's edge by at most {off:.2g} px"
     )
     if "tolerance" in sizes and off > sizes["tolerance"]:
         notes.append(f"the tolerance of {sizes['tolerance']:.3g} px could not be kept: it is {off:.2g} px")

@@ -27,6 +27,8 @@ REACH = 5
 """Side in pixels of the square around a mixed pixel in which the colours that it mixes are found."""
 LEAST = 12
 """Pixels that a layer needs to be one."""
+SPLIT = 8
+"""Clusters that are looked at for each colour asked for."""
 
 OKLAB_LMS = np.array(
     [[0.4122214708, 0.5363325363, 0.0514459929], [0.2119034982, 0.6806995451, 0.1073969566],
@@ -59,10 +61,10 @@ def layers(
 ) -> tuple[Layer, ...]:
     """The colours of a picture beside its ground, at most ``count``, the largest first.
 
-    The ground is the colour of most of the border, or what is transparent. Colours are the means of Pillow's median
-    cut and k-means over the pixels of flat regions in OKLab. On a boundary between two colours a pixel's coverage is
-    its share of each, so that antialiased edges keep their place. smooth, despeckle: as :func:`d4cad.images.load` has
-    them. Raises InputError for a picture of one colour.
+    The ground is the colour of most of the border, or what is transparent. Colours are the means of clusters of the
+    pixels of flat regions in OKLab: Pillow's median cut, and what is nearest joined. On a boundary between two colours
+    a pixel's coverage is its share of each, so that antialiased edges keep their place. smooth, despeckle: as
+    :func:`d4cad.images.load` has them. Raises InputError for a picture of one colour.
     """
     if not 1 <= count <= MOST:
         raise InputError(f"expected 1 to {MOST} layers, got {count}")
@@ -143,26 +145,51 @@ def _on_white(values: Floats) -> tuple[Floats, Floats | None]:
 
 def _palette(rgb: Floats, count: int) -> Floats:
     """At most ``count`` colours (k, 3), sRGB: means of the clusters of what is flat."""
-    from PIL import Image
     from scipy.ndimage import maximum_filter, minimum_filter
 
     lab = oklab(rgb)
     spread = np.stack([maximum_filter(c, 3) - minimum_filter(c, 3) for c in np.moveaxis(lab, -1, 0)]).max(axis=0)
     flat = spread <= FLAT
-    if np.count_nonzero(flat) < LEAST:
-        flat = np.ones_like(flat)
+    # In noise little is flat, or what is white alone: all pixels then.
+    for chosen in (flat, np.ones_like(flat)):
+        if np.count_nonzero(chosen) >= LEAST:
+            colors = _joined(*_clusters(rgb[chosen], lab[chosen], SPLIT * count), count)
+            if len(colors) > 1:
+                return colors
+    raise InputError("expected a picture of several colours, but it has one")
+
+
+def _clusters(rgb: Floats, lab: Floats, count: int) -> tuple[Floats, Floats]:
+    """Mean colours (k, 3) of at most ``count`` clusters of pixels, and how many pixels each has. Median cut splits what
+    is frequent, however alike: only among many clusters does a small area have one of its own."""
+    from PIL import Image
+
     # Pillow clusters bytes: the part of OKLab that sRGB fills is L from 0 to 1, a and b within 0.4 of 0.
-    coded = np.round(255 * np.clip(lab[flat] * [1.0, 1.25, 1.25] + [0.0, 0.5, 0.5], 0, 1)).astype(np.uint8)
-    image = Image.fromarray(coded[None])
-    label = np.asarray(image.quantize(count, Image.Quantize.MEDIANCUT, kmeans=count))[0]
-    colors = [rgb[flat][label == k].mean(axis=0) for k in range(count) if np.any(label == k)]
-    merged: list[Floats] = []
-    for color in colors:
-        if all(np.abs(oklab(color) - oklab(other)).max() > FLAT for other in merged):
-            merged.append(color)
-    if len(merged) < 2:
-        raise InputError("expected a picture of several colours, but it has one")
-    return np.array(merged)
+    coded = np.round(255 * np.clip(lab * [1.0, 1.25, 1.25] + [0.0, 0.5, 0.5], 0, 1)).astype(np.uint8)
+    label = np.asarray(Image.fromarray(coded[None]).quantize(count, Image.Quantize.MEDIANCUT, kmeans=1))[0]
+    sizes = np.bincount(label)
+    used = np.flatnonzero(sizes)
+    return np.array([rgb[label == k].mean(axis=0) for k in used]), sizes[used].astype(np.float64)
+
+
+def _joined(colors: Floats, sizes: Floats, count: int) -> Floats:
+    """Clusters of colours (k, 3) and numbers of pixels joined, the pair first that adds least to the sum of squares in
+    OKLab (Ward 1963), until at most ``count`` are left and none are alike."""
+    colors, weights = colors.copy(), sizes.copy()
+    while len(colors) > 1:
+        lab = oklab(colors)
+        apart = np.abs(lab[:, None] - lab).max(axis=-1)
+        added = ((lab[:, None] - lab) ** 2).sum(axis=-1) * weights[:, None] * weights / (weights[:, None] + weights)
+        if len(colors) <= count:
+            added[apart > FLAT] = np.inf
+        np.fill_diagonal(added, np.inf)
+        a, b = (int(k) for k in np.unravel_index(np.argmin(added), added.shape))
+        if not np.isfinite(added[a, b]):
+            break
+        colors[a] = (weights[a] * colors[a] + weights[b] * colors[b]) / (weights[a] + weights[b])
+        weights[a] += weights[b]
+        colors, weights = np.delete(colors, b, axis=0), np.delete(weights, b)
+    return colors
 
 
 def _shares(rgb: Floats, palette: Floats) -> Floats:

@@ -174,7 +174,8 @@ def entry(grammar: str) -> Entry:
     if grammar in GRAMMARS:
         return GRAMMARS[grammar]
     if not plugins.is_script(grammar) and grammar not in plugins.names():
-        raise InputError(f"there is no grammar {grammar!r}, expected one of: {', '.join(names())}")
+        hint = f"; a script's is named {grammar}:OBJECT" if grammar.endswith(".py") else ""
+        raise InputError(f"there is no grammar {grammar!r}, expected one of: {', '.join(names())}{hint}")
     found = plugins.load(grammar)
     if not isinstance(found, Entry):
         raise InputError(f"the grammar {grammar} should be a d4cad.registry.Entry, got {type(found).__name__}")

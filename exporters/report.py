@@ -208,11 +208,12 @@ def _history(history: Sequence[Step]) -> str:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.0, 2.9), facecolor="white")
-    left = figure.add_axes((0.1, 0.17, 0.79, 0.77))
+    left = figure.add_axes((0.15, 0.17, 0.74, 0.77))
     steps = [record.step for record in history]
     left.plot(steps, [record.psnr for record in history], color=LINE, linewidth=1.8)
     left.set_xlabel("gradient steps")
     left.set_ylabel("PSNR, dB", color=LINE)
+    left.ticklabel_format(axis="y", useOffset=False)
     right = left.twinx()
     right.step(steps, [record.primitives for record in history], where="post", color=ARC, linewidth=1.8)
     right.set_ylabel("primitives", color=ARC)

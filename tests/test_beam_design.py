@@ -207,6 +207,13 @@ def test_a_part_worse_than_it_seemed_is_told() -> None:
     assert report(found, carried(found))["notes"] == []
     worse = replace(found, compliance=found.compliance / 2)
     assert "gives way 2" in report(worse, carried(found))["notes"][0]
+    with pytest.raises(InputError, match="does not carry its load: it gives way 2"):
+        carried(replace(found, compliance=found.compliance / 2000))
+
+
+def test_too_little_material_is_told() -> None:
+    with pytest.raises(InputError, match=r"no part of a volume of 0\.02 was found: its members would be thinner"):
+        design_beam(find_problem("cantilever", 0.02))
 
 
 def test_a_part_without_material_wants_no_holes() -> None:

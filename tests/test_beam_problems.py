@@ -138,7 +138,7 @@ def test_a_hole_breaks_the_mirror() -> None:
     st.floats(0.01, 0.99),
     st.floats(1, 1e6),
     st.floats(-0.9, 0.49),
-    st.lists(st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(0.1, 9)), max_size=3),
+    st.lists(st.tuples(st.floats(0, 100), st.floats(0, 100), st.floats(0.1, 9)), max_size=3),
     st.text("ab \"\\'é\n\x7f😀", max_size=6),
 )
 def test_written_problems_read_back(
@@ -185,6 +185,13 @@ BAD = [
     ("at = [20, 20]", "from = [20, 20]", "line 27: a place is one of"),
     ("box = [30, 14, 40, 20]", "box = [30, 14, 20, 20]", "line 33: box must be"),
     ("circle = [10, 10, 3]", "circle = [10, 10, -3]", "line 36: the radius of a circle must be positive, got -3"),
+    ("from = [0, 0]\nto = [0, 20]", "at = [-9, 0]", r"line 15: the support at \(-9, 0\) mm lies outside of the domain"),
+    (
+        "from = [40, 8]\nto = [40, 12]",
+        "from = [48, 8]\nto = [48, 12]",
+        "line 23: the load at .* lies outside of .* 40 x 20",
+    ),
+    ("circle = [10, 10, 5]", "circle = [10, 30, 5]", "line 39: the solid at the circle .* lies outside"),
     ("[material]", "[[material]]", r"line 9: material must be a table, written as \[material\]"),
     ("[[load]]\nfrom", "[load]\nfrom", "it is not TOML"),
     ("volume = 0.4", "volume = ", "it is not TOML: .*line 2"),

@@ -242,6 +242,7 @@ def test_pictures_that_are_none(
         (["--origin", "left"], "the origin must be corner, center or drawing, got 'left'"),
         (["--method", "quick"], "there is no method 'quick'"),
         (["--grammar", "spline"], "there is no grammar 'spline'"),
+        (["--grammar", "mine.py"], "a script's is named mine.py:OBJECT"),
         (["--init", "start.json"], "there is no program file start.json"),
         (["--seed", "-1"], "the seed must be 0 or more"),
         (["--max-time", "0"], "the time limit must be"),

@@ -216,6 +216,17 @@ def test_colors_become_layers() -> None:
         layers(np.full((N, N, 3), 200, np.uint8), 2)
 
 
+@pytest.mark.parametrize("noise", [0.0, 15.0])
+def test_a_small_area_has_its_own_colour(noise: float) -> None:
+    """A tenth of the red plate is blue: as many layers as colours, though median cut splits white and red first."""
+    picture = np.full((200, 200, 3), 255.0)
+    picture[20:180, 20:180] = (200, 30, 40)
+    picture[40:90, 60:110] = (30, 60, 200)
+    picture += np.random.default_rng(0).normal(0, noise, picture.shape) if noise else 0
+    found = layers(np.clip(np.round(picture), 0, 255).astype(np.uint8), 2)
+    assert [int(np.count_nonzero(layer.target > 0.5)) for layer in found] == pytest.approx([23100, 2500], rel=0.01)
+
+
 def test_oklab() -> None:
     """Values of https://bottosson.github.io/posts/oklab/ for white, and of the CSS Color 4 tests for red."""
     np.testing.assert_allclose(oklab(np.ones(3)), [1, 0, 0], atol=1e-6)
@@ -243,6 +254,9 @@ def test_layers_on_the_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     space = ezdxf.readfile("c.dxf")
     assert {e.dxf.layer for e in space.modelspace()} == {"LAYER_1", "LAYER_2", "LAYER_3"}
     assert space.layers.get("LAYER_3").rgb == (204, 26, 38)
+    assert "note" not in done.stdout
+    more = CliRunner().invoke(app, ["fit", "c.png", "--layers", "5", "--scale", "1"])
+    assert "5 layers were asked for, but only 3 found" in more.stdout
     refused = CliRunner().invoke(app, ["fit", "c.png", "--layers", "2", "--threshold", "0.5"])
     assert refused.exit_code == 2
     assert "leave one out" in refused.stderr

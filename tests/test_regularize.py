@@ -210,6 +210,15 @@ def test_equations_that_contradict_have_no_solution() -> None:
     assert solved(both[:1], layout, layout.values, spread) is not None
 
 
+def test_an_edge_without_a_length_has_no_solution() -> None:
+    layout = Parameters(rectangle())
+    spread = evidence(layout, layout.values, 0.01).spread(layout)
+    params = layout.values.copy()
+    params[2:4] = params[:2]
+    assert solved([Relation("length", ((0, 0),), 8.0)], layout, params, spread) is None
+    assert solved([Relation("parallel", ((0, 0), (0, 2)))], layout, params, spread) is None
+
+
 def test_a_relation_that_the_loss_forbids_is_dropped() -> None:
     """The matrix says that nothing is known, the loss that the top must stay."""
     layout = Parameters(rectangle())

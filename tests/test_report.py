@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -74,7 +75,9 @@ def test_features_under_the_tolerance_are_warned_of() -> None:
     target = coverage(thin, CANVAS)
     figures, _ = measured(target, target, thin, CANVAS, 2.0, 99.0)
     (warning,) = figures.warnings
-    assert warning.startswith("the narrowest wall or gap is 0.7 px (1.4 mm)")
+    assert warning == "the narrowest wall or gap is 0.7 px (1.4 mm), under 1 px, which the picture can hardly show"
+    figures, _ = measured(target, target, thin, CANVAS, 2.0, 99.0, 4.0)
+    assert figures.warnings[0] == "the narrowest wall or gap is 0.7 px (1.4 mm), under 4 px, the tolerance"
     with pytest.raises(InputError, match="no edge"):
         measured(np.zeros((N, N)), target, thin, CANVAS, 1.0, 0.0)
 
@@ -129,6 +132,16 @@ def test_the_page_is_whole_and_loads_nothing(fit: Fit, tmp_path: Path) -> None:
     again = tmp_path / "again.html"
     write_page(fit, again, relations=[("concentric", "loop 1 & <loop 2>")])
     assert again.read_bytes() == path.read_bytes()
+
+
+def test_the_course_of_the_search_can_be_read(fit: Fit, tmp_path: Path) -> None:
+    first = next(record for record in fit.history if record.loss < np.inf)
+    steps = [replace(first, step=k, loss=10 ** -(2.369 + 0.0002 * k)) for k in range(3)]
+    write_page(replace(fit, history=tuple(steps)), tmp_path / "report.html")
+    text = (tmp_path / "report.html").read_text()
+    assert ">23.692</text>" in text  # the axis names values, not what to add to another
+    (label,) = re.findall(r'x="([0-9.]+)"[^>]*>PSNR, dB</text>', text)
+    assert float(label) > 10  # the height of its letters: it is not cut off
 
 
 def test_report_on_the_command_line(fit: Fit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ from d4cad.beams.problem import Problem
 from d4cad.beams.start import GRAMMARS, beam_grammar, density_program, whole_domain
 from d4cad.canvas import Canvas
 from d4cad.descent import Descent, Method, Record, Stage, Stop, descend
-from d4cad.errors import InputError
+from d4cad.errors import GeometryError, InputError
 from d4cad.estimators import Funnel
 from d4cad.objectives.compliance import ComplianceLoss
 from d4cad.objectives.domain import Domain
@@ -99,13 +99,20 @@ def design_beam(
     found = search.best(init, simplify)
     program = search.restored(found.program, fillet)
     density = search.loss.density(search.raster(program))
+    try:
+        outline = search.outline(program, fillet)
+    except GeometryError:
+        raise InputError(
+            f"no part of a volume of {problem.volume:g} was found: its members would be thinner than an element of "
+            f"{problem.element:g} mm"
+        ) from None
     return Beam(
         problem=problem,
         domain=search.domain,
         program=program,
         canvas=search.domain.canvas,
         grammar=search.grammar,
-        outline=search.outline(program, fillet),
+        outline=outline,
         compliance=search.loss.response(density).compliance,
         history=tuple(search.history),
         stop=Stop.INTERRUPTED if search.interrupted else found.stop,
@@ -225,7 +232,10 @@ class _Search:
         """
         volume, nearest, least = self.domain.volume, program, inf
         for _ in range(RESTORATIONS):
-            excess = self.outline(program, fillet).area / self.problem.element**2 - volume
+            try:
+                excess = self.outline(program, fillet).area / self.problem.element**2 - volume
+            except GeometryError:  # moved until a thin part of it is gone
+                break
             if abs(excess) < least:
                 nearest, least = program, abs(excess)
             if least <= EXACT * volume:

@@ -45,6 +45,14 @@ class Place:
         share = np.clip(((p - start) * np.conj(along)).real / abs(along) ** 2, 0, 1) if along else np.zeros(x.shape)
         return np.maximum(np.abs(p - start - share * along) - self.radius, 0.0)
 
+    def misses(self, width: float, height: float, margin: float) -> bool:
+        """Whether the place's extent keeps more than ``margin`` away from a domain of that size."""
+        reach = self.radius + margin
+        return any(
+            max(ends) < -reach or min(ends) > side + reach
+            for *ends, side in zip(self.start, self.end, (width, height), strict=True)
+        )
+
     def __str__(self) -> str:
         (x0, y0), (x1, y1) = self.start, self.end
         if self.box:

@@ -11,7 +11,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from d4cad.beams.problem import Load, Material, Place, Point, Problem, Support
+from d4cad.beams.problem import NEAR, Load, Material, Place, Point, Problem, Support
 from d4cad.errors import InputError
 
 TOP = {"name", "volume", "thickness", "domain", "material", "support", "load", "cut", "void", "solid"}
@@ -77,7 +77,7 @@ class _Reader:
         if share is None:
             raise InputError("it states no volume, the share of the domain that may be material")
         try:
-            return Problem(
+            found = Problem(
                 name=str(document.get("name", name)),
                 size=self._point(domain, "size", ("domain",)),
                 element=self._number(domain, "element", ("domain",)),
@@ -97,6 +97,15 @@ class _Reader:
             )
         except InputError as error:
             raise self._blamed(error, volume is not None) from None
+        width, height = found.size
+        for kind in ("support", "load", "cut", "void", "solid"):
+            for k, item in self._items(document, kind):
+                place = self._place(item, (kind, k), {"fix", "force", "case"})
+                if place.misses(width, height, NEAR * found.element):
+                    key = next(key for key in item if key in PLACES)
+                    message = f"the {kind} at {place} lies outside of the domain of {width:g} x {height:g} mm"
+                    raise self._error(message, (kind, k), key)
+        return found
 
     def _support(self, item: Mapping[str, Any], where: tuple[str, int]) -> Support:
         self._known(item, PLACES | {"fix"}, where)

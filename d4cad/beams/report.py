@@ -14,10 +14,13 @@ from d4cad.beams.simp import compared
 from d4cad.beams.stress import Analysis, analysed, minimum_member, peak_stress
 from d4cad.booleans import difference, intersection
 from d4cad.errors import InputError
-from d4cad.summary import census
+from d4cad.summary import census, kinds
 
 ALARM = 1.25
 """Compliance of the finished part over that of the soft density which the search saw, from which on it is told."""
+
+BROKEN = 1000.0
+"""The same, from which on the part is taken for one in pieces: void is 1e-9 as stiff as material."""
 
 
 def report(beam: Beam, fine: Analysis, *, simp: bool = False, files: Sequence[Path] = ()) -> dict[str, Any]:
@@ -85,9 +88,17 @@ def _lost(beam: Beam) -> list[Place]:
 
 
 def carried(beam: Beam) -> Analysis:
-    """The part on the fine grid. Raises InputError, naming the load, if the part does not carry it to a support."""
+    """The part on the fine grid. Raises InputError if the part does not carry a load to a support, which it names, or
+    gives way as what is broken does."""
     require_carried(beam.problem, beam.outline)
-    return analysed(beam.problem, beam.outline)
+    fine = analysed(beam.problem, beam.outline)
+    if fine.compliance > BROKEN * beam.compliance:
+        times = f"{fine.compliance / beam.compliance:.2g} times"
+        raise InputError(
+            f"the part that was found does not carry its load: it gives way {times} as far as the "
+            "search saw; more volume or smaller elements leave it whole"
+        )
+    return fine
 
 
 def _simp(beam: Beam, compliance: float) -> dict[str, Any]:
@@ -105,13 +116,13 @@ def _simp(beam: Beam, compliance: float) -> dict[str, Any]:
 
 def text(facts: dict[str, Any]) -> str:
     """The facts for people, a few lines."""
-    kinds = [f"{facts[key]} {key}" for key in ("lines", "arcs", "circles") if facts[key]]
     design = "none" if facts["compliance"] is None else f"{facts['compliance']:.4g}"
     x, y = facts["max_von_mises_at_mm"]
     width, height = facts["size_mm"]
     safety = "" if facts["safety_factor"] is None else f", {facts['safety_factor']:.2g} times below yield"
     lines = [
-        f"{facts['problem']}: {facts['primitives']} primitives ({', '.join(kinds)}), {facts['holes']} holes",
+        f"{facts['problem']}: {facts['primitives']} primitives ({kinds(facts)}), {facts['holes']} "
+        f"{'hole' if facts['holes'] == 1 else 'holes'}",
         f"domain {width:g} x {height:g} mm, {facts['thickness_mm']:g} mm thick, volume {facts['volume']:.4f} of it "
         f"({facts['volume_asked']:g} asked)",
         f"compliance {facts['compliance_fine']:.4g} on elements of {facts['element_mm'] / 4:g} mm, {design} on those "

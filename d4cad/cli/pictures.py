@@ -214,6 +214,11 @@ def fit_colors(
                 f"layer {fact['layer']} {fact['color']}: {fact['primitives']} primitives, {fact['psnr']:.1f} dB, "
                 f"{fact['area_mm2']:.6g} mm2"
             )
+        if len(fits) < count:
+            typer.echo(
+                f"note: {count} layers were asked for, but only {len(fits)} found beside the ground; in noise, "
+                "--smooth 1.5 tells more colours apart"
+            )
         for name in files:
             typer.echo(f"wrote {name}")
     if any(fit.stop.name == "INTERRUPTED" for _, fit in fits):

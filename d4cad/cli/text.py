@@ -56,7 +56,9 @@ def text(
     candidates: Annotated[int, typer.Option(metavar="K", help="Designs to make; outputs get the best.")] = 1,
     steps: Annotated[int, typer.Option(metavar="N", help="Gradient steps for each.")] = 200,
     seed: Seed = 0,
-    negative: Annotated[str, typer.Option(metavar="TEXT", help="What it shall not look like.", show_default="")] = "",
+    negative: Annotated[
+        str, typer.Option(metavar="TEXT", help="What it shall not look like.", show_default=False)
+    ] = "",
     guidance: Annotated[
         float | None,
         typer.Option(metavar="G", help="How strictly the prompt is followed.", show_default="7, or 100 for sd:"),

@@ -39,7 +39,7 @@ def solved(relations: Sequence[Relation], layout: Parameters, anchor: Floats, sp
         worst = float(np.abs(system.residual).max(initial=0.0))
         rows = system.rows @ spread
         size = np.linalg.norm(rows, axis=1)
-        if not np.isfinite(worst) or np.any(size == 0):
+        if not (np.isfinite(worst) and np.all(np.isfinite(size))) or np.any(size == 0):
             return None
         if worst <= SATISFIED and k == 0:  # also so that snapping twice changes no bit
             return anchor
@@ -60,7 +60,9 @@ def solved(relations: Sequence[Relation], layout: Parameters, anchor: Floats, sp
 
 
 def linearised(relations: Sequence[Relation], layout: Parameters, params: Floats) -> Equations:
-    """The equations of all relations, and of the sketch's own gauge, at ``params``."""
-    measures = Measures.of(layout, params)
-    parts = [equations(relation, layout, measures) for relation in relations]
+    """The equations of all relations, and of the sketch's own gauge, at ``params``: not finite for an edge without a
+    length, as a step may leave one."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        measures = Measures.of(layout, params)
+        parts = [equations(relation, layout, measures) for relation in relations]
     return stacked([gauge(layout, measures), *parts], params.size)
