@@ -129,7 +129,7 @@ class CostlyLoss(Loss, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Funnel:
-    """For a loss that costs much: every rewrite at a lower resolution, the best few for real.
+    """For a :class:`CostlyLoss`: every rewrite at a lower resolution, the best few for real.
 
     A rewrite that simplifies is first fitted to the raster that the program has, which costs no evaluation of the loss.
     The ``finalists`` best by the coarse loss take ``steps`` steps, and so does the base.

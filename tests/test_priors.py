@@ -122,7 +122,8 @@ def test_prompts_find_what_they_mean(prompt: str, name: str) -> None:
 
 @pytest.mark.parametrize(
     ("prompt", "said"),
-    [("", "the prompt is empty"), ("?!", "the prompt is empty"), ("flowr", "did you mean flower"),
+    [("", "the prompt is empty"), ("?!", "the prompt is empty"), ("日本", "English words only"),
+     ("flowr", "did you mean flower"),
      ("xyzzyq", r"does not know 'xyzzyq'$")],
 )  # fmt: skip
 def test_unknown_words_get_a_suggestion(prompt: str, said: str) -> None:

@@ -123,8 +123,6 @@ def condition(prompt: str, vocabulary: Sequence[str]) -> Floats:
     Raises InputError for an empty prompt or an unknown word.
     """
     word = normal(prompt)
-    if not word:
-        raise InputError("the prompt is empty, expected a word such as star")
     found = np.zeros(len(vocabulary) + 1)
     for part in aliased(word).split("-"):
         for form in [form for known in forms(part) for form in aliased(known).split("-")]:

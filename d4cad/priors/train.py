@@ -90,8 +90,9 @@ def train(
     course: Course, folder: Path, *, steps: int, batch: int, peak: float, seed: int, device: str, every: int = 500
 ) -> Network:
     """The averaged network after ``steps`` steps; what a checkpoint in ``folder`` has done is not done again."""
-    torch.manual_seed(seed)
-    network = Network(len(course.vocabulary)).to(device)
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        network = Network(len(course.vocabulary)).to(device)
     mean = Network(len(course.vocabulary)).to(device)
     mean.load_state_dict(network.state_dict())
     optimizer = torch.optim.AdamW(network.parameters(), lr=peak, weight_decay=0.01)

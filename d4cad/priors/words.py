@@ -89,8 +89,15 @@ would fetch a triangle."""
 
 
 def normal(text: str) -> str:
-    """A prompt as names have it: small letters, words joined by hyphens, no article."""
+    """A prompt as names have it: small letters, words joined by hyphens, no article.
+
+    Raises InputError for an empty prompt or one without a Latin letter.
+    """
     words = re.findall(r"[a-z0-9]+", text.lower())
+    if not words and any(map(str.isalnum, text)):
+        raise InputError(f"the prior knows English words only, got {text!r}")
+    if not words:
+        raise InputError("the prompt is empty, expected a word such as star")
     return "-".join(words[1:] if len(words) > 1 and words[0] in ("a", "an", "the") else words)
 
 
@@ -106,8 +113,6 @@ def found(text: str, names: Iterable[str], tags: Mapping[str, Iterable[str]] | N
     """
     known = set(names)
     word = normal(text)
-    if not word:
-        raise InputError("the prompt is empty, expected a word such as star")
     for form in forms(word):
         if form in known:
             return form

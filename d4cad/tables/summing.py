@@ -98,7 +98,7 @@ def _cell(method: str, row: str, name: str, group: Sequence[Result]) -> Cell:
         worst=float(psnr.min()),
         of_mean=-10 * log10(float(np.mean(10 ** (-psnr / 10)))),
         primitives=float(np.mean([float(result.primitives) for result in done] or [0.0])),
-        true_primitives=float(np.mean([result.true_primitives for result in group])),
+        true_primitives=float(np.mean([float(result.true_primitives) for result in done] or [0.0])),
         seconds=float(cpu.mean()),
         median_s=float(np.median(cpu)),
         worst_s=float(cpu.max()),
