@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, and texts whose absence is told in a sentence."""
 
 from __future__ import annotations
 
@@ -9,7 +9,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from d4cad.errors import ExportError
+from d4cad.errors import ExportError, InputError
+
+
+def read_text(path: Path, what: str) -> str:
+    """The text of a file that should be a ``what``, such as "program file". Raises InputError, which names ``path``."""
+    if path.is_dir():
+        raise InputError(f"expected a {what}, but {path} is a folder")
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"there is no {what} {path}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path} is not a {what}: it is not text") from None
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from error
 
 
 def check_writable(path: str | Path) -> None:

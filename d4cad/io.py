@@ -21,7 +21,7 @@ from typing import Any, TypeVar, cast
 from d4cad import __version__
 from d4cad.canvas import Canvas
 from d4cad.errors import InputError
-from d4cad.files import replacing
+from d4cad.files import read_text, replacing
 from d4cad.relations import Dimension, Relation, from_json, to_json
 
 FORMAT = "d4cad-program"
@@ -68,16 +68,7 @@ def write(path: str | PathLike[str], file: ProgramFile) -> None:
 def read(path: str | PathLike[str]) -> ProgramFile:
     """Read a program file. Raises InputError, which names ``path``, if it is none."""
     path = Path(path)
-    if path.is_dir():
-        raise InputError(f"expected a program file, but {path} is a folder")
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"there is no program file {path}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is not a program file: it is not text") from None
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from error
+    text = read_text(path, "program file")
     try:
         return loads(text)
     except InputError as error:

@@ -13,6 +13,7 @@ from typing import Any
 
 from d4cad.beams.problem import NEAR, Load, Material, Place, Point, Problem, Support
 from d4cad.errors import InputError
+from d4cad.files import read_text
 
 TOP = {"name", "volume", "thickness", "domain", "material", "support", "load", "cut", "void", "solid"}
 PLACES = {"at", "from", "to", "box", "circle"}
@@ -36,16 +37,7 @@ def read_problem(path: str | PathLike[str], volume: float | None = None) -> Prob
     Raises InputError that names the file and, for what is wrong in it, the line.
     """
     path = Path(path)
-    if path.is_dir():
-        raise InputError(f"expected a problem in TOML, but {path} is a folder")
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise InputError(f"there is no problem file {path}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is not a problem file: it is not text") from None
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from error
+    text = read_text(path, "problem file")
     try:
         return parse_problem(text, path.stem, volume)
     except InputError as error:

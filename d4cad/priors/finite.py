@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import cos, pi, sin
 
 import numpy as np
 
 from d4cad.errors import InputError
 from d4cad.objectives.distillation import Encoded
+from d4cad.priors.pixels import cosine, encoded
 from d4cad.program import Floats
 
 
@@ -41,12 +41,12 @@ class FiniteDenoiser:
         return 1, self.size, self.size
 
     def scales(self, time: float) -> tuple[float, float]:
-        """cos and sin of time times a right angle."""
-        return cos(time * pi / 2), sin(time * pi / 2)
+        """Those of the cosine schedule."""
+        return cosine(time)
 
     def encode(self, pictures: Floats, noise: Floats) -> Encoded:
         """2 pictures - 1, with nothing drawn."""
-        return Encoded((2 * pictures - 1)[:, None], lambda gradient: 2 * gradient[:, 0])
+        return encoded(pictures)
 
     def noise(self, noisy: Floats, time: float, prompts: Sequence[str]) -> Floats:
         """(noisy - alpha expected) / sigma. Raises InputError for a prompt without pictures."""

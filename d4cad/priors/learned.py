@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import as_file, files
-from math import cos, pi, sin
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,7 @@ import numpy as np
 
 from d4cad.errors import InputError
 from d4cad.objectives.distillation import Encoded
+from d4cad.priors.pixels import cosine, encoded
 from d4cad.priors.weights import Arrays, read_weights
 from d4cad.priors.words import aliased, forms, normal, suggestions
 from d4cad.program import Floats
@@ -48,12 +48,12 @@ class LearnedDenoiser:
         return 1, self.size, self.size
 
     def scales(self, time: float) -> tuple[float, float]:
-        """cos and sin of time times a right angle."""
-        return cos(time * pi / 2), sin(time * pi / 2)
+        """Those of the cosine schedule."""
+        return cosine(time)
 
     def encode(self, pictures: Floats, noise: Floats) -> Encoded:
         """2 pictures - 1, with nothing drawn."""
-        return Encoded((2 * pictures - 1)[:, None], lambda gradient: 2 * gradient[:, 0])
+        return encoded(pictures)
 
     def noise(self, noisy: Floats, time: float, prompts: Sequence[str]) -> Floats:
         """sigma noisy + alpha v. Raises InputError for a prompt that it was not made for."""
